@@ -1,0 +1,47 @@
+"""The first message of every agent session: who measures, with what."""
+
+from typing import Annotated
+
+from msgspec import Meta
+
+from tagmap.conventions import Kind
+from tagmap.records.base import Message, Name, Record, RobotNumber, SessionId, check_finite
+from tagmap.records.rig import Positive, RigCalibration
+
+
+class Limits(Record, frozen=True, kw_only=True):
+    """What the robot's hardware can do; null where it has no such hardware or nobody knows."""
+
+    reader_range_m: Positive | None = None
+    write_range_m: Positive | None = None
+
+
+class Introduction(Message, frozen=True, kw_only=True):
+    """A hello before it is numbered: what a source says about the robot it measures from.
+
+    `range_scale_sigma`: how well the scale of ranges and points is known (0.01: to one per cent);
+    null: exactly. The scale is then an unknown that all robots of the site share.
+    `stereo_scale_sigma`: likewise for the stereo baseline.
+    """
+
+    kind: Kind
+    rig: RigCalibration | None
+    limits: Limits = Limits()
+    range_scale_sigma: Positive | None = None
+    stereo_scale_sigma: Positive | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("range_scale_sigma", "stereo_scale_sigma"):
+            sigma = getattr(self, name)
+            if sigma is not None:
+                check_finite(name, [sigma], [1])
+
+
+class Hello(Introduction, frozen=True, kw_only=True):
+    """Seq 0 of a session."""
+
+    site: Name
+    robot: Name
+    number: RobotNumber
+    session: SessionId
+    seq: Annotated[int, Meta(ge=0, le=0)] = 0

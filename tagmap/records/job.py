@@ -1,0 +1,26 @@
+"""Write-back: what goes into a tag's memory, and what came of it."""
+
+from typing import Literal
+
+from tagmap.records.base import Message, Name, TagId
+from tagmap.records.rig import Positive
+
+
+class WriteJob(Message, frozen=True, kw_only=True):
+    """Write `record` to the memory of `tag` within `valid_s`. Idempotent by `job`."""
+
+    job: int
+    tag: TagId
+    record: bytes
+    valid_s: Positive
+
+
+class JobResult(Message, frozen=True, kw_only=True):
+    """What the robot read back after writing; `read` is null when nothing could be read."""
+
+    robot: Name
+    job: int
+    tag: TagId
+    outcome: Literal["written", "failed", "expired"]
+    read: bytes | None
+    reason: str | None = None
