@@ -16,7 +16,7 @@ TagId: TypeAlias = Annotated[str, Meta(pattern=TAG_ID)]
 SessionId: TypeAlias = Annotated[str, Meta(pattern=SESSION_ID)]
 RobotNumber: TypeAlias = Annotated[int, Meta(ge=1, le=65535)]
 Seq: TypeAlias = Annotated[int, Meta(ge=0, le=2**53)]
-TimeNs: TypeAlias = Annotated[int, Meta(ge=0, lt=2**63)]
+TimeNs: TypeAlias = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Probability: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 Vector: TypeAlias = tuple[float, ...]
 

@@ -1,7 +1,7 @@
 """Bytes to records and back: the one place where what arrives from outside is decoded."""
 
 from functools import cache
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import msgspec
 
@@ -32,7 +32,7 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 @cache
-def _decoder(message_type: type[M]) -> msgspec.msgpack.Decoder[M]:
+def _decoder(message_type: type[Message]) -> msgspec.msgpack.Decoder[Message]:
     return msgspec.msgpack.Decoder(message_type)
 
 
@@ -52,7 +52,7 @@ def decode(message_type: type[M], payload: bytes, max_bytes: int = MAX_BYTES) ->
     if version != VERSION:
         raise RecordRefused(f"unsupported schema version {version}, expected {VERSION}")
     try:
-        return _decoder(message_type).decode(payload)
+        return cast(M, _decoder(message_type).decode(payload))
     except _NOT_DECODABLE as error:
         raise RecordRefused(f"invalid: {error}") from None
 

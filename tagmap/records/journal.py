@@ -38,7 +38,7 @@ def read_introduction(path: Path) -> Introduction:
 
 
 def read_observations(path: Path, skip: int = 0) -> Iterator[Observation]:
-    """Observations after the first `skip`. Raises DataError naming file and index on bad content."""
+    """Observations after the first `skip`. DataError names file and index."""
     with _open(path) as file:
         _introduction(path, file)
         index = 0

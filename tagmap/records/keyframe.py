@@ -1,4 +1,4 @@
-"""What an agent reports: one keyframe is an odometry step and the identified sightings at its end."""
+"""What an agent reports: an odometry step and the identified sightings at its end."""
 
 from typing import Annotated, Literal, TypeAlias
 
@@ -98,7 +98,7 @@ class Sighting(Record, frozen=True, kw_only=True):
 
 
 class Odometry(Record, frozen=True, kw_only=True):
-    """The step from the previous keyframe of the session; cov in the cur frame, order (v, omega)."""
+    """The step from the previous keyframe of the session; cov in the cur frame, (v, omega)."""
 
     T_prev_cur: Transform
     cov: Vector

@@ -1,4 +1,4 @@
-"""Rigid transforms at the edges: `{p_m, q_wxyz}` in space, `{p_m: [x, y], theta_rad}` in the plane."""
+"""Rigid transforms at the edges: `{p_m, q_wxyz}` in space, `{p_m, theta_rad}` in the plane."""
 
 import math
 
