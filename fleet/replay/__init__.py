@@ -1,0 +1,1 @@
+"""Recorded data of others, read as what our robots would have measured."""

@@ -1,0 +1,162 @@
+"""UTIAS MRCLAM data: five robots, fifteen barcode landmarks, planar (Leung et al., IJRR 30(8)).
+
+Each set is `Barcodes.dat` and, per robot N, `RobotN_Odometry.dat` and `RobotN_Measurement.dat`. A
+keyframe is an instant at which a robot saw at least one landmark; the camera frame is the robot's.
+Sightings of other robots are not used: they are moving.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fleet.replay.planar_odometry import Commands, PlanarOdometryNoise, steps
+from fleet.replay.recording import Recording, RobotRecording
+from fleet.replay.tables import Tables, open_tables
+from tagmap.conventions import Array, Index
+from tagmap.errors import DataError
+from tagmap.geometry import covariance, se2
+from tagmap.records import Introduction, Measurement, Observation, Odometry, Sighting, Transform
+
+ROBOTS = range(1, 6)
+LANDMARKS = range(6, 21)
+P_FALSE = 0.02  # barcodes misread or mismatched; the rate of gross outliers known for the data
+
+IDENTITY = Transform(p_m=(0.0, 0.0), theta_rad=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class MrclamNoise:
+    """Calibration of the robots' sensors, the same for all data sets of the family.
+
+    range_sigma_m, bearing_sigma_rad  one sighting
+    range_scale_sigma                 how well the common scale of all ranges is known
+    """
+
+    range_sigma_m: float = 0.12
+    bearing_sigma_rad: float = 0.010
+    range_scale_sigma: float = 0.02
+    odometry: PlanarOdometryNoise = field(default_factory=PlanarOdometryNoise)
+
+
+def read(path: Path, noise: MrclamNoise | None = None) -> Recording:
+    """Every robot that has measurements. Raises DataError when none has, or a file is malformed."""
+    noise = noise or MrclamNoise()
+    tables = open_tables(path)
+    subjects = _subjects(tables)
+    notes: list[str] = []
+    robots: list[RobotRecording] = []
+    for number in ROBOTS:
+        measurements = tables.read(f"Robot{number}_Measurement.dat", 4)
+        if measurements is None:
+            notes.append(f"robot {number}: no measurements, left out")
+            continue
+        seen = _landmarks_seen(measurements, subjects, f"robot {number}", notes)
+        if len(seen.t_ns):
+            robots.append(_robot(tables, number, seen, noise, notes))
+    if not robots:
+        raise DataError(f"{path}: no RobotN_Measurement.dat with landmark sightings")
+    return Recording("mrclam", "planar", robots, notes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Landmark sightings of one robot in time order, each (N,)."""
+
+    t_ns: Index
+    subject: Index
+    range_m: Array
+    bearing_rad: Array
+
+
+def _subjects(tables: Tables) -> dict[int, int]:
+    """Barcode -> subject."""
+    barcodes = tables.read("Barcodes.dat", 2)
+    if barcodes is None:
+        raise DataError(f"{tables.path}: no Barcodes.dat")
+    return {int(barcode): int(subject) for subject, barcode in barcodes}
+
+
+def _landmarks_seen(table: Array, subjects: dict[int, int], robot: str, notes: list[str]) -> _Seen:
+    """Rows of known landmarks with a positive range; what is left out goes to `notes`."""
+    subject = np.array([subjects.get(int(barcode), 0) for barcode in table[:, 1]], dtype=np.int64)
+    landmark = np.isin(subject, LANDMARKS)
+    positive = table[:, 2] > 0.0
+    for reason, rows in {
+        "of robots, not used": np.isin(subject, ROBOTS),
+        "with unknown barcodes": ~landmark & ~np.isin(subject, ROBOTS),
+        "without a positive range": landmark & ~positive,
+    }.items():
+        if rows.any():
+            notes.append(f"{robot}: {int(rows.sum())} sightings {reason}")
+    rows = table[landmark & positive]
+    order = np.argsort(rows[:, 0], kind="stable")
+    t_ns = nanoseconds(rows[order, 0])
+    return _Seen(t_ns, subject[landmark & positive][order], rows[order, 2], rows[order, 3])
+
+
+def nanoseconds(t_s: Array) -> Index:
+    """The files' UNIX seconds have 1 ms; float64 carries them to 0.3 us."""
+    return np.rint(t_s * 1e6).astype(np.int64) * 1000
+
+
+def _robot(
+    tables: Tables, number: int, seen: _Seen, noise: MrclamNoise, notes: list[str]
+) -> RobotRecording:
+    t_ns, first = np.unique(seen.t_ns, return_index=True)
+    odometry = _odometry(tables, number, t_ns, noise.odometry, notes)
+    bounds = [*first.tolist(), len(seen.t_ns)]
+    observations = [
+        Observation(
+            t_ns=int(t_ns[k]),
+            odom=odometry[k],
+            T_base_cam=IDENTITY,
+            sightings=_sightings(seen, slice(bounds[k], bounds[k + 1]), noise),
+        )
+        for k in range(len(t_ns))
+    ]
+    introduction = Introduction(kind="planar", rig=None, range_scale_sigma=noise.range_scale_sigma)
+    return RobotRecording(f"r{number}", number, introduction, observations)
+
+
+def _odometry(
+    tables: Tables, number: int, t_ns: Index, noise: PlanarOdometryNoise, notes: list[str]
+) -> list[Odometry | None]:
+    """The step to each of `t_ns`; null for the first and wherever the commands say nothing."""
+    table = tables.read(f"Robot{number}_Odometry.dat", 3)
+    if table is None or not len(table):
+        notes.append(f"robot {number}: no odometry, its keyframes stand alone")
+        return [None] * len(t_ns)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    moved = steps(Commands(nanoseconds(table[:, 0]), table[:, 1], table[:, 2]), t_ns, noise)
+    if not moved.known.all():
+        notes.append(f"robot {number}: {int((~moved.known).sum())} steps without odometry")
+    p, theta = se2.to_p_theta(moved.T_prev_cur)
+    cov = covariance.pack_upper(moved.cov)
+    return [None] + [
+        Odometry(
+            T_prev_cur=Transform(p_m=tuple(p[k].tolist()), theta_rad=float(theta[k])),
+            cov=tuple(cov[k].tolist()),
+        )
+        if moved.known[k]
+        else None
+        for k in range(len(t_ns) - 1)
+    ]
+
+
+def _sightings(seen: _Seen, rows: slice, noise: MrclamNoise) -> tuple[Sighting, ...]:
+    cov = (noise.range_sigma_m**2, 0.0, noise.bearing_sigma_rad**2)
+    return tuple(
+        Sighting(
+            tag=str(subject),
+            id_by="given",
+            p_false=P_FALSE,
+            z=Measurement(range_m=range_m, bearing_rad=bearing_rad, cov=cov),
+        )
+        for subject, range_m, bearing_rad in zip(
+            seen.subject[rows].tolist(),
+            seen.range_m[rows].tolist(),
+            seen.bearing_rad[rows].tolist(),
+            strict=True,
+        )
+    )

@@ -1,0 +1,99 @@
+"""Dead reckoning of a planar robot from velocity commands, with a stated error model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagmap.conventions import Array, Index
+from tagmap.geometry import se2
+
+
+@dataclass(frozen=True, slots=True)
+class PlanarOdometryNoise:
+    """Random walk of the dead-reckoned pose, body axes, while driving; `still_ratio` of it at rest.
+
+    The floors cover time stamps, latency and rounding of the commands, once per step.
+    """
+
+    forward_m_per_sqrt_s: float = 0.008
+    lateral_m_per_sqrt_s: float = 0.004
+    heading_rad_per_sqrt_s: float = 0.018
+    still_ratio: float = 0.1
+    floor_m: float = 0.001
+    floor_rad: float = 0.002
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """Velocities v (m/s), w (rad/s) that hold from t_ns[i] until t_ns[i + 1], at most `hold_ns`.
+
+    Before the first command the robot stands. Where a command would have to hold longer, nothing
+    is known about the motion.
+    """
+
+    t_ns: Index
+    v: Array
+    w: Array
+    hold_ns: int = 2_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class PlanarSteps:
+    """N - 1 steps between N instants: T_prev_cur (., 3, 3), cov in cur (., 3, 3), known (.,)."""
+
+    T_prev_cur: Array
+    cov: Array
+    known: np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+def steps(commands: Commands, t_ns: Index, noise: PlanarOdometryNoise) -> PlanarSteps:
+    """Motion between consecutive `t_ns` (N,), sorted; exact arcs between changes of the command.
+
+    Covariance: each arc adds Q dt in its own end frame, carried to the end of the step by the
+    adjoint (Sola, Deray, Atchuthan, A micro Lie theory, 2018, section V).
+    """
+    knots = np.union1d(commands.t_ns, t_ns)
+    knots = knots[(knots >= t_ns[0]) & (knots <= t_ns[-1])]
+    dt_s = np.diff(knots) * 1e-9
+    v, w, held_ns = _held(commands, knots)
+    T_odom_knot = _arcs(v, w, dt_s)
+    ends = np.searchsorted(knots, t_ns)
+    owner = np.searchsorted(ends, np.arange(1, len(knots)))  # the step that each arc is part of
+    T_odom = T_odom_knot[ends]
+    T_prev_cur = se2.inverse(T_odom[:-1]) @ T_odom[1:]
+    to_cur = se2.adjoint(se2.inverse(T_odom[owner]) @ T_odom_knot[1:])
+    arcs = to_cur @ _arc_covariance(v, w, dt_s, noise) @ np.swapaxes(to_cur, -1, -2)
+    cov = np.zeros((len(t_ns) - 1, 3, 3))
+    np.add.at(cov, owner - 1, arcs)
+    cov += np.diag(np.square([noise.floor_m, noise.floor_m, noise.floor_rad]))
+    unknown = np.bincount(owner - 1, held_ns > commands.hold_ns, minlength=len(t_ns) - 1)
+    return PlanarSteps(T_prev_cur, cov, unknown == 0)
+
+
+def _held(commands: Commands, knots: Index) -> tuple[Array, Array, Index]:
+    """The command between consecutive knots, and its age at the end of each interval."""
+    index = np.searchsorted(commands.t_ns, knots[:-1], side="right") - 1
+    started = index >= 0
+    v = np.where(started, commands.v[index], 0.0)
+    w = np.where(started, commands.w[index], 0.0)
+    return v, w, np.where(started, knots[1:] - commands.t_ns[index], 0)
+
+
+def _arcs(v: Array, w: Array, dt_s: Array) -> Array:
+    """T_odom_knot (N + 1, 3, 3): the chord of an arc of w dt is v dt sinc(w dt / 2), half-turned."""
+    half = 0.5 * w * dt_s
+    theta = np.concatenate([[0.0], np.cumsum(2.0 * half)])
+    chord = v * dt_s * np.sinc(half / np.pi)
+    along = theta[:-1] + half
+    p = np.zeros((len(theta), 2))
+    p[1:] = np.cumsum(np.stack([chord * np.cos(along), chord * np.sin(along)], axis=-1), axis=0)
+    return se2.from_p_theta(p, theta)
+
+
+def _arc_covariance(v: Array, w: Array, dt_s: Array, noise: PlanarOdometryNoise) -> Array:
+    """(N, 3, 3), variance growing with time."""
+    rate = np.square(
+        [noise.forward_m_per_sqrt_s, noise.lateral_m_per_sqrt_s, noise.heading_rad_per_sqrt_s]
+    )
+    ratio = np.where((v == 0.0) & (w == 0.0), noise.still_ratio**2, 1.0)
+    return (ratio * dt_s)[:, None, None] * np.diag(rate)
