@@ -51,6 +51,7 @@ import numpy.typing as npt
 Array: TypeAlias = npt.NDArray[np.float64]
 Index: TypeAlias = npt.NDArray[np.int64]
 Kind: TypeAlias = Literal["spatial", "planar"]
+Form: TypeAlias = Literal["stereo_px", "mono_px", "point_cam_m", "range_bearing"]
 
 NAME = r"^[a-z0-9][a-z0-9_-]{0,31}$"
 TAG_ID = r"^[a-z0-9][a-z0-9_-]{0,127}$"

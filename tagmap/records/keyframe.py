@@ -5,6 +5,7 @@ from typing import Annotated, Literal, TypeAlias
 from msgspec import UNSET, Meta, UnsetType
 
 from tagmap.conventions import POSE_DOF, Kind
+from tagmap.conventions import Form as Form
 from tagmap.records.base import (
     Message,
     Name,
@@ -19,7 +20,6 @@ from tagmap.records.base import (
 )
 from tagmap.records.transform import Transform
 
-Form: TypeAlias = Literal["stereo_px", "mono_px", "point_cam_m", "range_bearing"]
 IdentifiedBy: TypeAlias = Literal["given", "track", "gate", "constellation", "laser"]
 
 FORM_SIZES: dict[Form, tuple[int, ...]] = {

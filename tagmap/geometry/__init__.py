@@ -1,0 +1,1 @@
+"""Forward models, each exactly once: rigid motions, cameras, stereo, measurements, alignment."""
