@@ -82,13 +82,13 @@ def _landmarks_seen(table: Array, subjects: dict[int, int], robot: str, notes: l
     subject = np.array([subjects.get(int(barcode), 0) for barcode in table[:, 1]], dtype=np.int64)
     landmark = np.isin(subject, LANDMARKS)
     positive = table[:, 2] > 0.0
-    for reason, rows in {
+    for reason, left_out in {
         "of robots, not used": np.isin(subject, ROBOTS),
         "with unknown barcodes": ~landmark & ~np.isin(subject, ROBOTS),
         "without a positive range": landmark & ~positive,
     }.items():
-        if rows.any():
-            notes.append(f"{robot}: {int(rows.sum())} sightings {reason}")
+        if left_out.any():
+            notes.append(f"{robot}: {int(left_out.sum())} sightings {reason}")
     rows = table[landmark & positive]
     order = np.argsort(rows[:, 0], kind="stable")
     t_ns = nanoseconds(rows[order, 0])
@@ -97,7 +97,8 @@ def _landmarks_seen(table: Array, subjects: dict[int, int], robot: str, notes: l
 
 def nanoseconds(t_s: Array) -> Index:
     """The files' UNIX seconds have 1 ms; float64 carries them to 0.3 us."""
-    return np.rint(t_s * 1e6).astype(np.int64) * 1000
+    t_ns: Index = np.rint(t_s * 1e6).astype(np.int64) * 1000
+    return t_ns
 
 
 def _robot(

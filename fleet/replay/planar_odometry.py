@@ -80,7 +80,7 @@ def _held(commands: Commands, knots: Index) -> tuple[Array, Array, Index]:
 
 
 def _arcs(v: Array, w: Array, dt_s: Array) -> Array:
-    """T_odom_knot (N + 1, 3, 3): the chord of an arc of w dt is v dt sinc(w dt / 2), half-turned."""
+    """T_odom_knot (N + 1, 3, 3). The chord of an arc is v dt sinc(w dt / 2), turned by w dt / 2."""
     half = 0.5 * w * dt_s
     theta = np.concatenate([[0.0], np.cumsum(2.0 * half)])
     chord = v * dt_s * np.sinc(half / np.pi)
@@ -96,4 +96,5 @@ def _arc_covariance(v: Array, w: Array, dt_s: Array, noise: PlanarOdometryNoise)
         [noise.forward_m_per_sqrt_s, noise.lateral_m_per_sqrt_s, noise.heading_rad_per_sqrt_s]
     )
     ratio = np.where((v == 0.0) & (w == 0.0), noise.still_ratio**2, 1.0)
-    return (ratio * dt_s)[:, None, None] * np.diag(rate)
+    Q: Array = (ratio * dt_s)[:, None, None] * np.diag(rate)
+    return Q

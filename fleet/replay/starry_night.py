@@ -4,7 +4,6 @@ One MATLAB v5 file; every frame is a keyframe. The base frame is the data's vehi
 the camera looks along -x. Noise levels are the variances that the file states.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +34,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "w_vk_vk_i": (3, "K"),
     "C_c_v": (3, 3),
     "rho_v_c_v": (3, 1),
-    **{name: (1, 1) for name in ("fu", "fv", "cu", "cv", "b")},
+    **dict.fromkeys(("fu", "fv", "cu", "cv", "b"), (1, 1)),
     "y_var": (4, 1),
     "v_var": (3, 1),
     "w_var": (3, 1),
@@ -78,7 +77,8 @@ def load(path: Path, shapes: dict[str, tuple[int | str, ...]]) -> dict[str, Arra
 
 def nanoseconds(t_s: Array) -> Index:
     """(1, K) seconds from an arbitrary start, to the microsecond, as (K,)."""
-    return np.rint(t_s[0] * 1e6).astype(np.int64) * 1000
+    t_ns: Index = np.rint(t_s[0] * 1e6).astype(np.int64) * 1000
+    return t_ns
 
 
 def _mat_file(path: Path) -> Path:
