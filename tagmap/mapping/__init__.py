@@ -1,0 +1,1 @@
+"""The parts of the mapper: what has arrived, what the map is, where the robots are. No I/O."""

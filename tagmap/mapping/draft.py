@@ -1,0 +1,53 @@
+"""What one step of the mapper wants committed and said."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from tagmap.records import Hello, Keyframe
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A message on `agents/<robot>/keyframes`; `robot` is the key's."""
+
+    robot: str
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A settled message that will never be stored."""
+
+    robot: str
+    session: str
+    seq: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One decision, for the log."""
+
+    name: str
+    fields: dict[str, Any]
+
+
+@dataclass(slots=True)
+class Draft:
+    """Collected while arrivals are judged; `touched` maps (robot, session) to seqs, in order."""
+
+    hellos: list[Hello] = field(default_factory=list)
+    keyframes: list[Keyframe] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
+    touched: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+
+    def touch(self, robot: str, session: str, seqs: Iterable[int]) -> None:
+        self.touched.setdefault((robot, session), []).extend(seqs)
+
+    def note(self, name: str, **fields: Any) -> None:
+        self.events.append(Event(name, fields))
+
+    def robots(self) -> Iterator[str]:
+        yield from dict.fromkeys(robot for robot, _ in self.touched)

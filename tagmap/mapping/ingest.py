@@ -1,0 +1,180 @@
+"""Judges every message once: stored, already there, or refused with a reason.
+
+The verdict depends on what is known about the site and the session, not on the order in which
+keyframes arrive. A keyframe may come before its hello; a session whose hello is refused is refused
+as a whole, until it sends a hello that is acceptable.
+"""
+
+import re
+
+from tagmap.conventions import NAME, SESSION_ID, Kind
+from tagmap.errors import RecordRefused
+from tagmap.mapping.draft import Arrival, Draft, Refused
+from tagmap.mapping.ledger import RobotLedger
+from tagmap.mapping.session import SessionIndex
+from tagmap.mapping.usable import objection
+from tagmap.records import Hello, Keyframe, address_of, decode
+from tagmap.records.codec import Address
+
+MAX_ROBOTS = 65535
+MAX_SEQ = 2**53
+MAX_REASON = 300
+
+
+class Ingest:
+    """Everything settled at a site, by robot and session."""
+
+    def __init__(self, site: str) -> None:
+        self.site = site
+        self.kind: Kind | None = None
+        self.robots: dict[str, RobotLedger] = {}
+        self.holders: dict[int, str] = {}
+        self.stray = 0
+
+    def take(self, arrival: Arrival, draft: Draft) -> None:
+        """Judge one message and write the verdict into `draft`."""
+        ledger = self._ledger(arrival.robot)
+        if ledger is None:
+            self.stray += 1
+            return
+        ledger.counters.received += 1
+        address = _valid_address(arrival.payload)
+        try:
+            if address is not None and address.seq == 0:
+                self._take_hello(ledger, decode(Hello, arrival.payload), draft)
+            else:
+                self._take_keyframe(ledger, decode(Keyframe, arrival.payload), draft)
+        except RecordRefused as error:
+            if address is None:
+                ledger.counters.malformed += 1
+                draft.note("malformed", robot=ledger.robot, reason=error.reason[:MAX_REASON])
+            else:
+                self._refuse(ledger, address, error.reason[:MAX_REASON], draft)
+
+    def restore(self, index: SessionIndex, number: int | None) -> None:
+        """Take back what the database says about a session; accepted hellos oldest first."""
+        ledger = self.robots.setdefault(index.robot, RobotLedger(index.robot))
+        ledger.sessions[index.session] = index
+        if index.hello is None:
+            ledger.unopened += 1
+            return
+        self.kind = self.kind or index.hello.kind
+        ledger.number = number or index.hello.number
+        self.holders[ledger.number] = index.robot
+
+    def _ledger(self, robot: str) -> RobotLedger | None:
+        ledger = self.robots.get(robot)
+        if ledger is None and re.fullmatch(NAME, robot) and len(self.robots) < MAX_ROBOTS:
+            ledger = self.robots[robot] = RobotLedger(robot)
+        return ledger
+
+    def _take_hello(self, ledger: RobotLedger, hello: Hello, draft: Draft) -> None:
+        self._check_names(ledger, hello)
+        index = ledger.sessions.get(hello.session)
+        if index is not None and index.hello is not None:
+            self._count_duplicate(ledger, index, 0, index.hello != hello, draft)
+            return
+        self._check_hello(ledger, hello)
+        index = ledger.open(hello.session)
+        index.accept(hello)
+        self.kind, ledger.number = hello.kind, hello.number
+        self.holders[hello.number] = ledger.robot
+        ledger.counters.hellos += 1
+        draft.hellos.append(hello)
+        draft.touch(ledger.robot, hello.session, [0])
+        draft.note("hello accepted", robot=ledger.robot, session=hello.session, kind=hello.kind)
+        self._judge_early(ledger, index, hello, draft)
+
+    def _take_keyframe(self, ledger: RobotLedger, keyframe: Keyframe, draft: Draft) -> None:
+        self._check_names(ledger, keyframe)
+        index = ledger.session(keyframe.session)
+        if index is None or index.is_too_far(keyframe.seq):
+            self._postpone(ledger, keyframe.session, keyframe.seq, draft)
+        elif index.is_stored(keyframe.seq):
+            contradiction = index.contradicts(keyframe)
+            self._count_duplicate(ledger, index, keyframe.seq, contradiction, draft)
+        else:
+            _check_session(index, keyframe)
+            index.store(keyframe)
+            ledger.counters.stored += 1
+            draft.keyframes.append(keyframe)
+            draft.touch(ledger.robot, keyframe.session, [keyframe.seq])
+
+    def _check_names(self, ledger: RobotLedger, message: Hello | Keyframe) -> None:
+        if message.robot != ledger.robot:
+            raise RecordRefused(f"names robot {message.robot}, the key names {ledger.robot}")
+        if message.site != self.site:
+            raise RecordRefused(f"names site {message.site}, this is {self.site}")
+
+    def _check_hello(self, ledger: RobotLedger, hello: Hello) -> None:
+        if self.kind is not None and hello.kind != self.kind:
+            raise RecordRefused(f"a {hello.kind} session, the site is {self.kind}")
+        holder = self.holders.get(hello.number, ledger.robot)
+        if holder != ledger.robot:
+            raise RecordRefused(f"number {hello.number} belongs to robot {holder}")
+        if ledger.number is not None and ledger.number != hello.number:
+            raise RecordRefused(f"number {hello.number}, this robot has number {ledger.number}")
+
+    def _judge_early(
+        self, ledger: RobotLedger, index: SessionIndex, hello: Hello, draft: Draft
+    ) -> None:
+        """Keyframes that came before their hello are stored; now they can be judged."""
+        for keyframe in list(index.recent.values()):
+            reason = objection(hello, keyframe)
+            if reason is not None:
+                self._settle_refused(ledger, index, keyframe.seq, reason, draft)
+
+    def _refuse(self, ledger: RobotLedger, address: Address, reason: str, draft: Draft) -> None:
+        index = ledger.session(address.session)
+        if index is None or index.is_too_far(address.seq):
+            self._postpone(ledger, address.session, address.seq, draft)
+            return
+        ledger.counters.refused += 1
+        if index.is_stored(address.seq):
+            draft.touch(ledger.robot, index.session, [address.seq])
+            draft.note("refused, stored before", robot=ledger.robot, reason=reason)
+            return
+        if address.seq == 0:
+            index.refused = reason
+        self._settle_refused(ledger, index, address.seq, reason, draft)
+
+    def _settle_refused(
+        self, ledger: RobotLedger, index: SessionIndex, seq: int, reason: str, draft: Draft
+    ) -> None:
+        if index.refusals.get(seq) != reason:
+            index.refuse(seq, reason)
+            draft.refused.append(Refused(ledger.robot, index.session, seq, reason))
+            draft.note(
+                "refused", robot=ledger.robot, session=index.session, seq=seq, reason=reason
+            )
+        draft.touch(ledger.robot, index.session, [seq])
+
+    def _count_duplicate(
+        self, ledger: RobotLedger, index: SessionIndex, seq: int, contradicts: bool, draft: Draft
+    ) -> None:
+        ledger.counters.duplicates += 1
+        draft.touch(ledger.robot, index.session, [seq])
+        if contradicts:
+            ledger.counters.contradictions += 1
+            draft.note("contradiction", robot=ledger.robot, session=index.session, seq=seq)
+
+    def _postpone(self, ledger: RobotLedger, session: str, seq: int, draft: Draft) -> None:
+        ledger.counters.postponed += 1
+        draft.note("postponed", robot=ledger.robot, session=session, seq=seq)
+
+
+def _check_session(index: SessionIndex, keyframe: Keyframe) -> None:
+    if index.refused is not None:
+        raise RecordRefused(f"the session is refused: {index.refused}"[:MAX_REASON])
+    if index.hello is not None:
+        reason = objection(index.hello, keyframe)
+        if reason is not None:
+            raise RecordRefused(reason)
+
+
+def _valid_address(payload: bytes) -> Address | None:
+    """Where a message belongs, if it names a session and a seq that can exist."""
+    address = address_of(payload)
+    if address is None or not 0 <= address.seq <= MAX_SEQ:
+        return None
+    return address if re.fullmatch(SESSION_ID, address.session) else None

@@ -1,0 +1,89 @@
+"""What has been settled of one agent session."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from tagmap.records import Ack, Hello, Keyframe, Refusal
+
+MAX_AHEAD = 1_000_000
+MAX_REFUSALS = 1000
+MAX_REFUSAL_BYTES = 50_000
+MAX_RECENT = 1024
+
+
+@dataclass(slots=True)
+class SessionIndex:
+    """Settled seqs of one session: everything up to `contiguous`, and those `beyond` it.
+
+    `refusals` (newest last) and `recent` keyframes (newest last) are bounded; the database keeps
+    all of them.
+    """
+
+    robot: str
+    session: str
+    hello: Hello | None = None
+    refused: str | None = None
+    contiguous: int = -1
+    beyond: set[int] = field(default_factory=set)
+    refusals: dict[int, str] = field(default_factory=dict)
+    recent: dict[int, Keyframe] = field(default_factory=dict)
+
+    def is_settled(self, seq: int) -> bool:
+        return seq <= self.contiguous or seq in self.beyond
+
+    def is_stored(self, seq: int) -> bool:
+        return self.is_settled(seq) and seq not in self.refusals
+
+    def is_too_far(self, seq: int) -> bool:
+        """Beyond what this index is ready to remember; the sender tries again later."""
+        return seq > self.contiguous + MAX_AHEAD
+
+    def settle(self, seqs: Iterable[int]) -> None:
+        for seq in seqs:
+            if seq > self.contiguous:
+                self.beyond.add(seq)
+        while self.contiguous + 1 in self.beyond:
+            self.contiguous += 1
+            self.beyond.remove(self.contiguous)
+
+    def store(self, keyframe: Keyframe) -> None:
+        self.refusals.pop(keyframe.seq, None)
+        self.remember(keyframe)
+        self.settle([keyframe.seq])
+
+    def remember(self, keyframe: Keyframe) -> None:
+        self.recent[keyframe.seq] = keyframe
+        if len(self.recent) > MAX_RECENT:
+            del self.recent[next(iter(self.recent))]
+
+    def refuse(self, seq: int, reason: str) -> None:
+        self.refusals.pop(seq, None)
+        self.refusals[seq] = reason
+        if len(self.refusals) > MAX_REFUSALS:
+            del self.refusals[next(iter(self.refusals))]
+        self.settle([seq])
+
+    def accept(self, hello: Hello) -> None:
+        self.hello, self.refused = hello, None
+        self.refusals.pop(0, None)
+        self.settle([0])
+
+    def contradicts(self, keyframe: Keyframe) -> bool:
+        """True when a different keyframe is known under this seq; only recent ones are compared."""
+        known = self.recent.get(keyframe.seq)
+        return known is not None and known != keyframe
+
+    def ack(self, among: Iterable[int] | None = None) -> Ack:
+        """`among` limits the refusals to these seqs; None: all that are remembered, newest first.
+
+        The list ends where the message would outgrow what a receiver accepts.
+        """
+        chosen, size = [], 0
+        wanted = None if among is None else set(among)
+        for seq, reason in reversed(self.refusals.items()):
+            if wanted is None or seq in wanted:
+                size += len(reason.encode()) + 24
+                if size > MAX_REFUSAL_BYTES:
+                    break
+                chosen.append(Refusal(seq=seq, reason=reason))
+        return Ack(session=self.session, contiguous=self.contiguous, refused=tuple(chosen))
