@@ -1,0 +1,176 @@
+"""The robot's cycle, without I/O: observations become keyframes, keyframes become settled facts.
+
+The shell obeys every `Outputs` in the order of its fields. `append` is durable before anything of
+it is sent, therefore a record that was ever on the wire keeps its number for ever; what is sent
+comes back in only through `Inputs.parcels`, from the outbox, so the records of this session and
+the leftovers of earlier ones take the same way.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from robot_agent.flight import Flight, Parcel
+from tagmap.records import Ack, Hello, Introduction, Keyframe, Observation, encode
+
+WINDOW = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Whose records these are. `session` is new at every start of an agent."""
+
+    site: str
+    robot: str
+    number: int
+    session: str
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What happened since the last step.
+
+    observations  read from the source, in order
+    parcels       read from the outbox, oldest first, never the same one twice
+    acks          from the service, put or answered, in any order, late or repeated
+    connected     whether a router is reachable now
+    """
+
+    observations: Sequence[Observation] = ()
+    parcels: Sequence[Parcel] = ()
+    acks: Sequence[Ack] = ()
+    connected: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """What to do now, in this order.
+
+    append  make durable, in one transaction with the position in the source
+    settle  at most one acknowledgement per session: forget what it settles
+    send    put on the wire; hello first, ascending within a session
+    ask     sessions whose acknowledgement to query
+    room    how many parcels from the outbox the next step can take
+    silent  whether the service leaves questions unanswered
+    """
+
+    append: Sequence[Parcel]
+    settle: Sequence[Ack]
+    send: Sequence[Parcel]
+    ask: Sequence[str]
+    room: int
+    silent: bool
+
+
+class Agent:
+    """Numbers the observations of one session and sees all sessions' records settled."""
+
+    def __init__(self, identity: Identity, introduction: Introduction) -> None:
+        self._identity = identity
+        self._introduction = introduction
+        self._seq = 0
+        self._flights: dict[str, Flight] = {}
+        self._connected = False
+
+    @property
+    def session(self) -> str:
+        return self._identity.session
+
+    def hello(self) -> Parcel:
+        """Seq 0 of the session; the shell opens the session in the outbox with it."""
+        hello = Hello(
+            **msgspec.structs.asdict(self._introduction),
+            site=self._identity.site,
+            robot=self._identity.robot,
+            number=self._identity.number,
+            session=self.session,
+        )
+        return Parcel(self.session, hello.seq, encode(hello))
+
+    def step(self, inputs: Inputs, now_ns: int) -> Outputs:
+        """`now_ns` is monotonic."""
+        self._notice_connection(inputs.connected, now_ns)
+        append = [self._number(observation) for observation in inputs.observations]
+        settle, missing = self._acknowledge(inputs.acks, now_ns)
+        self._launch(inputs.parcels, now_ns)
+        return Outputs(
+            append=append,
+            settle=settle,
+            send=[*missing, *inputs.parcels],
+            ask=self._questions(now_ns),
+            room=self._room(),
+            silent=any(flight.unanswered > 1 for flight in self._flights.values()),
+        )
+
+    def _notice_connection(self, connected: bool, now_ns: int) -> None:
+        if connected and not self._connected:
+            for flight in self._flights.values():
+                flight.ask_now(now_ns)
+        self._connected = connected
+
+    def _number(self, observation: Observation) -> Parcel:
+        """The first keyframe of a session has no odometry: nothing of this session is before it."""
+        self._seq += 1
+        keyframe = Keyframe(
+            site=self._identity.site,
+            robot=self._identity.robot,
+            session=self.session,
+            seq=self._seq,
+            t_ns=observation.t_ns,
+            odom=observation.odom if self._seq > 1 else None,
+            T_base_cam=observation.T_base_cam,
+            sightings=observation.sightings,
+        )
+        return Parcel(self.session, keyframe.seq, encode(keyframe))
+
+    def _acknowledge(
+        self, acks: Iterable[Ack], now_ns: int
+    ) -> tuple[Sequence[Ack], Sequence[Parcel]]:
+        settle: list[Ack] = []
+        missing: list[Parcel] = []
+        for ack in map(self._credible, _newest(acks)):
+            flight = self._flights.get(ack.session)
+            if flight is None:
+                continue
+            progress, again = flight.acknowledge(ack.contiguous, now_ns)
+            missing.extend(again)
+            if progress or ack.refused:
+                settle.append(ack)
+        return settle, missing
+
+    def _credible(self, ack: Ack) -> Ack:
+        """Of this session nothing can be settled that was not sent yet, whatever is claimed."""
+        flight = self._flights.get(ack.session)
+        last = ack.contiguous
+        if flight is not None and ack.session == self.session:
+            last = min(last, flight.last_sent)
+        refused = tuple(refusal for refusal in ack.refused if refusal.seq <= last)
+        return Ack(session=ack.session, contiguous=last, refused=refused)
+
+    def _launch(self, parcels: Iterable[Parcel], now_ns: int) -> None:
+        for parcel in parcels:
+            self._flights.setdefault(parcel.session, Flight()).launch(parcel, now_ns)
+
+    def _questions(self, now_ns: int) -> Sequence[str]:
+        if not self._connected:
+            return []
+        return [session for session, flight in self._flights.items() if flight.asks(now_ns)]
+
+    def _room(self) -> int:
+        under_way = sum(len(flight.parcels) for flight in self._flights.values())
+        return max(WINDOW - under_way, 0) if self._connected else 0
+
+
+def _newest(acks: Iterable[Ack]) -> Iterable[Ack]:
+    """One acknowledgement per session: the furthest, with the refusals of all."""
+    merged: dict[str, Ack] = {}
+    for ack in acks:
+        seen = merged.get(ack.session, ack)
+        refused = {refusal.seq: refusal for refusal in (*seen.refused, *ack.refused)}
+        merged[ack.session] = Ack(
+            session=ack.session,
+            contiguous=max(seen.contiguous, ack.contiguous),
+            refused=tuple(refused.values()),
+        )
+    return merged.values()

@@ -1,0 +1,191 @@
+"""The agent's decisions, one by one, in virtual time."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+
+from robot_agent.agent import WINDOW, Agent, Identity, Inputs, Outputs, Parcel
+from robot_agent.flight import LONGEST_PATIENCE_NS, PATIENCE_NS
+from tagmap.records import (
+    Ack,
+    Hello,
+    Introduction,
+    Keyframe,
+    Observation,
+    Odometry,
+    Refusal,
+    Transform,
+    decode,
+)
+
+SESSION = "session-now"
+EARLIER = "session-earlier"
+STEP = Odometry(
+    T_prev_cur=Transform(p_m=(0.1, 0.0), theta_rad=0.0),
+    cov=(1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4),
+)
+
+
+def observation(t_ns: int) -> Observation:
+    at_base = Transform(p_m=(0.0, 0.0), theta_rad=0.0)
+    return Observation(t_ns=t_ns, odom=STEP, T_base_cam=at_base, sightings=())
+
+
+def parcels(seqs: Sequence[int], session: str = SESSION) -> list[Parcel]:
+    return [Parcel(session, seq, b"%d" % seq) for seq in seqs]
+
+
+def sent(outputs: Outputs) -> list[int]:
+    return [parcel.seq for parcel in outputs.send]
+
+
+@pytest.fixture
+def agent() -> Agent:
+    identity = Identity(site="site", robot="r1", number=1, session=SESSION)
+    return Agent(identity, Introduction(kind="planar", rig=None, range_scale_sigma=0.01))
+
+
+def test_the_hello_carries_the_introduction_and_the_identity(agent: Agent) -> None:
+    hello = decode(Hello, agent.hello().payload)
+    assert (hello.site, hello.robot, hello.number) == ("site", "r1", 1)
+    assert (hello.session, hello.seq) == (SESSION, 0)
+    assert (hello.kind, hello.range_scale_sigma) == ("planar", 0.01)
+
+
+def test_observations_are_numbered_from_one_and_the_first_has_no_odometry(agent: Agent) -> None:
+    outputs = agent.step(Inputs(observations=[observation(7), observation(8)]), now_ns=0)
+    first, second = (decode(Keyframe, parcel.payload) for parcel in outputs.append)
+    assert (first.seq, first.t_ns, first.odom) == (1, 7, None)
+    assert (second.seq, second.t_ns, second.odom) == (2, 8, STEP)
+    assert (second.site, second.robot, second.session) == ("site", "r1", SESSION)
+
+
+def test_nothing_is_sent_before_it_came_back_from_the_outbox(agent: Agent) -> None:
+    outputs = agent.step(Inputs(observations=[observation(7)]), now_ns=0)
+    assert outputs.send == []
+
+
+def test_parcels_are_sent_once_and_room_shrinks_by_what_is_under_way(agent: Agent) -> None:
+    outputs = agent.step(Inputs(parcels=parcels(range(100))), now_ns=0)
+    assert sent(outputs) == list(range(100))
+    assert outputs.room == WINDOW - 100
+    assert sent(agent.step(Inputs(), now_ns=1)) == []
+
+
+def test_an_acknowledgement_settles_and_makes_room(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(10))), now_ns=0)
+    ack = Ack(session=SESSION, contiguous=6)
+    outputs = agent.step(Inputs(acks=[ack]), now_ns=1)
+    assert outputs.settle == [ack]
+    assert outputs.room == WINDOW - 3
+
+
+def test_late_repeated_and_foreign_acknowledgements_change_nothing(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(10))), now_ns=0)
+    agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=6)]), now_ns=1)
+    late = [
+        Ack(session=SESSION, contiguous=6),
+        Ack(session=SESSION, contiguous=2),
+        Ack(session=SESSION, contiguous=-1),
+        Ack(session="somebody-else", contiguous=99),
+    ]
+    outputs = agent.step(Inputs(acks=late), now_ns=2)
+    assert outputs.settle == []
+    assert outputs.room == WINDOW - 3
+
+
+def test_an_acknowledgement_cannot_settle_what_was_never_sent(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(3))), now_ns=0)
+    outputs = agent.step(
+        Inputs(
+            observations=[observation(7)],
+            acks=[Ack(session=SESSION, contiguous=999)],
+        ),
+        now_ns=1,
+    )
+    assert outputs.settle == [Ack(session=SESSION, contiguous=2)]
+
+
+def test_an_acknowledgement_of_an_earlier_session_counts_in_full(agent: Agent) -> None:
+    """The process before this one may have sent more than was read back so far."""
+    agent.step(Inputs(parcels=parcels(range(5, 8), EARLIER)), now_ns=0)
+    ack = Ack(session=EARLIER, contiguous=20)
+    assert agent.step(Inputs(acks=[ack]), now_ns=1).settle == [ack]
+
+
+def test_acknowledgements_of_one_step_are_merged(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(10))), now_ns=0)
+    acks = [
+        Ack(session=SESSION, contiguous=4, refused=(Refusal(seq=3, reason="x"),)),
+        Ack(session=SESSION, contiguous=8, refused=(Refusal(seq=7, reason="y"),)),
+        Ack(session=SESSION, contiguous=5),
+    ]
+    [settled] = agent.step(Inputs(acks=acks), now_ns=1).settle
+    assert settled.contiguous == 8
+    assert {refusal.seq for refusal in settled.refused} == {3, 7}
+
+
+def test_refusals_told_late_are_passed_on(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(10))), now_ns=0)
+    agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=9)]), now_ns=1)
+    answer = Ack(session=SESSION, contiguous=9, refused=(Refusal(seq=3, reason="x"),))
+    assert agent.step(Inputs(acks=[answer]), now_ns=2).settle == [answer]
+
+
+def test_silence_leads_to_a_question_and_only_its_answer_to_repetition(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(4))), now_ns=0)
+    assert agent.step(Inputs(), now_ns=PATIENCE_NS - 1).ask == []
+    asked = agent.step(Inputs(), now_ns=PATIENCE_NS)
+    assert (asked.ask, sent(asked)) == ([SESSION], [])
+    answer = Ack(session=SESSION, contiguous=1)
+    answered = agent.step(Inputs(acks=[answer], parcels=parcels([4])), now_ns=PATIENCE_NS + 1)
+    assert sent(answered) == [2, 3, 4]
+
+
+def test_an_absent_service_is_asked_once_a_second_and_nothing_is_repeated(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(4))), now_ns=0)
+    outputs = [agent.step(Inputs(), now_ns=s * PATIENCE_NS) for s in range(1, 6)]
+    assert [o.ask for o in outputs] == [[SESSION]] * 5
+    assert not any(o.send for o in outputs)
+    assert [o.silent for o in outputs] == [False, True, True, True, True]
+    heard = agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=3)]), now_ns=6 * PATIENCE_NS)
+    assert not heard.silent
+
+
+def test_repetitions_become_rarer_while_the_service_answers_without_progress(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(4))), now_ns=0)
+    repeated_at = []
+    for now_ns in range(0, 40 * PATIENCE_NS, PATIENCE_NS // 4):
+        outputs = agent.step(Inputs(), now_ns)
+        if (
+            outputs.ask
+            and agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=-1)]), now_ns).send
+        ):
+            repeated_at.append(now_ns)
+    gaps = [b - a for a, b in pairwise(repeated_at)]
+    assert gaps == sorted(gaps)
+    assert gaps[0] == PATIENCE_NS
+    assert gaps[-1] == LONGEST_PATIENCE_NS
+
+
+def test_without_a_router_nothing_is_asked_and_there_is_no_room(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(4))), now_ns=0)
+    outputs = agent.step(Inputs(connected=False), now_ns=5 * PATIENCE_NS)
+    assert outputs.ask == []
+    assert outputs.room == 0
+
+
+def test_a_new_connection_is_used_to_ask_at_once(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(4))), now_ns=0)
+    agent.step(Inputs(connected=False), now_ns=1)
+    assert agent.step(Inputs(), now_ns=2).ask == [SESSION]
+
+
+def test_each_session_is_asked_about_by_itself(agent: Agent) -> None:
+    both = parcels([7, 8], EARLIER) + parcels([0, 1])
+    assert agent.step(Inputs(parcels=both), now_ns=0).send == both
+    assert agent.step(Inputs(), now_ns=PATIENCE_NS).ask == [EARLIER, SESSION]
+    acks = [Ack(session=EARLIER, contiguous=8)]
+    assert sent(agent.step(Inputs(acks=acks), now_ns=PATIENCE_NS + 1)) == []
+    assert agent.step(Inputs(), now_ns=2 * PATIENCE_NS).ask == [SESSION]
