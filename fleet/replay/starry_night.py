@@ -5,7 +5,7 @@ the camera looks along -x. Noise levels are the variances that the file states.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from tagmap.records import (
 WIDTH_PX, HEIGHT_PX = 640, 480
 NOT_SEEN = -1.0
 
-SHAPES: dict[str, tuple[int | str, ...]] = {
+Shapes: TypeAlias = dict[str, tuple[int | str, ...]]
+SHAPES: Shapes = {
     "t": (1, "K"),
     "y_k_j": (4, "K", "J"),
     "v_vk_vk_i": (3, "K"),
@@ -63,7 +64,7 @@ def read(path: Path) -> Recording:
     return Recording("starry-night", "spatial", [robot], [])
 
 
-def load(path: Path, shapes: dict[str, tuple[int | str, ...]]) -> dict[str, Array]:
+def load(path: Path, shapes: Shapes) -> dict[str, Array]:
     """The named arrays, float64. A folder stands for the only .mat file in it."""
     file = _mat_file(path)
     from scipy.io import loadmat
@@ -92,9 +93,7 @@ def _mat_file(path: Path) -> Path:
     return files[0]
 
 
-def _checked(
-    file: Path, content: dict[str, Any], shapes: dict[str, tuple[int | str, ...]]
-) -> dict[str, Array]:
+def _checked(file: Path, content: dict[str, Any], shapes: Shapes) -> dict[str, Array]:
     sizes: dict[str, int] = {}
     arrays: dict[str, Array] = {}
     for name, shape in shapes.items():
