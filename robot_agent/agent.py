@@ -13,6 +13,7 @@ import msgspec
 
 from robot_agent.flight import Flight, Parcel
 from tagmap.records import Ack, Hello, Introduction, Keyframe, Observation, encode
+from tagmap.records.codec import MAX_BYTES
 
 WINDOW = 256
 
@@ -53,6 +54,7 @@ class Outputs:
     ask     sessions whose acknowledgement to query
     room    how many parcels from the outbox the next step can take
     silent  whether the service leaves questions unanswered
+    shorn   seqs in `append` that were too large for the wire with their sightings
     """
 
     append: Sequence[Parcel]
@@ -61,6 +63,7 @@ class Outputs:
     ask: Sequence[str]
     room: int
     silent: bool
+    shorn: Sequence[int]
 
 
 class Agent:
@@ -91,7 +94,7 @@ class Agent:
     def step(self, inputs: Inputs, now_ns: int) -> Outputs:
         """`now_ns` is monotonic."""
         self._notice_connection(inputs.connected, now_ns)
-        append = [self._number(observation) for observation in inputs.observations]
+        append, shorn = self._number(inputs.observations)
         settle, missing = self._acknowledge(inputs.acks, now_ns)
         self._launch(inputs.parcels, now_ns)
         return Outputs(
@@ -101,6 +104,7 @@ class Agent:
             ask=self._questions(now_ns),
             room=self._room(),
             silent=any(flight.unanswered > 1 for flight in self._flights.values()),
+            shorn=shorn,
         )
 
     def _notice_connection(self, connected: bool, now_ns: int) -> None:
@@ -109,10 +113,25 @@ class Agent:
                 flight.ask_now(now_ns)
         self._connected = connected
 
-    def _number(self, observation: Observation) -> Parcel:
+    def _number(
+        self, observations: Iterable[Observation]
+    ) -> tuple[Sequence[Parcel], Sequence[int]]:
+        """A keyframe that nobody could decode goes without sightings: the odometry chain holds."""
+        append: list[Parcel] = []
+        shorn: list[int] = []
+        for observation in observations:
+            keyframe = self._keyframe(observation)
+            payload = encode(keyframe)
+            if len(payload) > MAX_BYTES:
+                payload = encode(msgspec.structs.replace(keyframe, sightings=()))
+                shorn.append(keyframe.seq)
+            append.append(Parcel(self.session, keyframe.seq, payload))
+        return append, shorn
+
+    def _keyframe(self, observation: Observation) -> Keyframe:
         """The first keyframe of a session has no odometry: nothing of this session is before it."""
         self._seq += 1
-        keyframe = Keyframe(
+        return Keyframe(
             site=self._identity.site,
             robot=self._identity.robot,
             session=self.session,
@@ -122,7 +141,6 @@ class Agent:
             T_base_cam=observation.T_base_cam,
             sightings=observation.sightings,
         )
-        return Parcel(self.session, keyframe.seq, encode(keyframe))
 
     def _acknowledge(
         self, acks: Iterable[Ack], now_ns: int

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tagmap.errors import DataError, RecordRefused
-from tagmap.records.codec import decode, encode
+from tagmap.records.codec import MAX_BYTES, decode, encode
 from tagmap.records.hello import Introduction
 from tagmap.records.keyframe import Observation
 
@@ -82,6 +82,8 @@ def _read_frame(path: Path, file: BinaryIO, what: str) -> bytes | None:
     if not head:
         return None
     size = _LENGTH.unpack(head)[0] if len(head) == _LENGTH.size else 0
+    if size > MAX_BYTES:
+        raise DataError(f"{path}: {what} claims {size} bytes, at most {MAX_BYTES}")
     payload = file.read(size) if size else b""
     if not size or len(payload) != size:
         raise DataError(f"{path}: {what} is cut short")

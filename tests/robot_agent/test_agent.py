@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
+import msgspec
 import pytest
 
 from robot_agent.agent import WINDOW, Agent, Identity, Inputs, Outputs, Parcel
@@ -12,12 +13,15 @@ from tagmap.records import (
     Hello,
     Introduction,
     Keyframe,
+    Measurement,
     Observation,
     Odometry,
     Refusal,
+    Sighting,
     Transform,
     decode,
 )
+from tagmap.records.keyframe import MAX_MEMORY_BYTES
 
 SESSION = "session-now"
 EARLIER = "session-earlier"
@@ -59,6 +63,22 @@ def test_observations_are_numbered_from_one_and_the_first_has_no_odometry(agent:
     assert (first.seq, first.t_ns, first.odom) == (1, 7, None)
     assert (second.seq, second.t_ns, second.odom) == (2, 8, STEP)
     assert (second.site, second.robot, second.session) == ("site", "r1", SESSION)
+
+
+def test_what_no_service_could_decode_goes_without_its_sightings(agent: Agent) -> None:
+    """Else it would never be settled, and nothing after it."""
+    sighting = Sighting(
+        tag="a",
+        id_by="given",
+        p_false=0.0,
+        z=Measurement(range_m=1.0, bearing_rad=0.0, cov=(0.01, 0.0, 0.01)),
+        memory=bytes(MAX_MEMORY_BYTES),
+    )
+    large = msgspec.structs.replace(observation(7), sightings=(sighting,) * 120)
+    outputs = agent.step(Inputs(observations=[observation(6), large]), now_ns=0)
+    assert outputs.shorn == [2]
+    keyframe = decode(Keyframe, outputs.append[1].payload)
+    assert (keyframe.seq, keyframe.odom, keyframe.sightings) == (2, STEP, ())
 
 
 def test_nothing_is_sent_before_it_came_back_from_the_outbox(agent: Agent) -> None:

@@ -94,6 +94,16 @@ def test_what_is_before_the_damage_is_played_then_the_damage_is_told_once(write:
     assert source.take(100, now_ns=0) == []
 
 
+def test_a_damaged_length_is_told_and_not_believed(write: Write) -> None:
+    path = write(1)
+    with path.open("ab") as file:
+        file.write(b"\xff\xff\xff\xff")
+    source = JournalSource(path)
+    source.take(100, now_ns=0)
+    with pytest.raises(DataError, match="observation 1 claims 4294967295 bytes"):
+        source.take(100, now_ns=0)
+
+
 @pytest.mark.parametrize("content", [b"", b"not a journal, but long enough to be one"])
 def test_what_is_no_journal_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "x"
