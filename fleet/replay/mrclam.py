@@ -15,8 +15,8 @@ from fleet.replay.recording import Recording, RobotRecording
 from fleet.replay.tables import Tables, open_tables
 from tagmap.conventions import Array, Index
 from tagmap.errors import DataError
-from tagmap.geometry import covariance, se2
 from tagmap.records import Introduction, Measurement, Observation, Odometry, Sighting, Transform
+from tagmap.records.arrays import transform, upper
 
 ROBOTS = range(1, 6)
 LANDMARKS = range(6, 21)
@@ -132,16 +132,9 @@ def _odometry(
     moved = steps(Commands(nanoseconds(table[:, 0]), table[:, 1], table[:, 2]), t_ns, noise)
     if not moved.known.all():
         notes.append(f"robot {number}: {int((~moved.known).sum())} steps without odometry")
-    p, theta = se2.to_p_theta(moved.T_prev_cur)
-    cov = covariance.pack_upper(moved.cov)
     return [None] + [
-        Odometry(
-            T_prev_cur=Transform(p_m=tuple(p[k].tolist()), theta_rad=float(theta[k])),
-            cov=tuple(cov[k].tolist()),
-        )
-        if moved.known[k]
-        else None
-        for k in range(len(t_ns) - 1)
+        Odometry(T_prev_cur=transform(T_prev_cur), cov=upper(cov)) if known else None
+        for T_prev_cur, cov, known in zip(moved.T_prev_cur, moved.cov, moved.known, strict=True)
     ]
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from tagmap.conventions import Array, Index
 from tagmap.geometry import se2
@@ -43,7 +44,7 @@ class PlanarSteps:
 
     T_prev_cur: Array
     cov: Array
-    known: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    known: npt.NDArray[np.bool_]
 
 
 def steps(commands: Commands, t_ns: Index, noise: PlanarOdometryNoise) -> PlanarSteps:

@@ -12,7 +12,7 @@ import numpy as np
 from fleet.replay.recording import Recording, RobotRecording
 from tagmap.conventions import Array, Index
 from tagmap.errors import DataError
-from tagmap.geometry import covariance, se3
+from tagmap.geometry import se3
 from tagmap.records import (
     CameraCalibration,
     Introduction,
@@ -23,6 +23,7 @@ from tagmap.records import (
     Sighting,
     Transform,
 )
+from tagmap.records.arrays import transform, upper, vector
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 NOT_SEEN = -1.0
@@ -137,11 +138,7 @@ def _T_base_cam(data: dict[str, Array]) -> Transform:
     T = np.eye(4)
     T[:3, :3] = data["C_c_v"].T
     T[:3, 3] = data["rho_v_c_v"][:, 0]
-    return _transform(*se3.to_p_q(T))
-
-
-def _transform(p: Array, q: Array) -> Transform:
-    return Transform(p_m=tuple(p.tolist()), q_wxyz=tuple(q.tolist()))
+    return transform(T)
 
 
 def _odometry(data: dict[str, Array]) -> list[Odometry | None]:
@@ -152,25 +149,24 @@ def _odometry(data: dict[str, Array]) -> list[Odometry | None]:
     dt_s = np.diff(data["t"][0])[:, None]
     rates = np.concatenate([data["v_vk_vk_i"], data["w_vk_vk_i"]]).T[:-1]
     variances = np.concatenate([data["v_var"], data["w_var"]])[:, 0]
-    p, q = se3.to_p_q(se3.exp(dt_s * rates))
+    T_prev_cur = se3.exp(dt_s * rates)
     J = se3.right_jacobian(dt_s * rates) * dt_s[:, :, None]
-    cov = covariance.pack_upper(J @ np.diag(variances) @ np.swapaxes(J, -1, -2))
+    cov = J @ np.diag(variances) @ np.swapaxes(J, -1, -2)
     return [None] + [
-        Odometry(T_prev_cur=_transform(p[k], q[k]), cov=tuple(cov[k].tolist()))
-        for k in range(len(cov))
+        Odometry(T_prev_cur=transform(T_prev_cur[k]), cov=upper(cov[k])) for k in range(len(cov))
     ]
 
 
 def _sightings(y: Array, variances: Array) -> tuple[Sighting, ...]:
     """`y` (4, J) pixels of one frame; points are named by their number, from 1."""
-    cov = tuple(covariance.pack_upper(np.diag(variances)).tolist())
+    cov = upper(np.diag(variances))
     seen = np.flatnonzero((y != NOT_SEEN).all(axis=0))
     return tuple(
         Sighting(
             tag=str(j + 1),
             id_by="given",
             p_false=0.0,
-            z=Measurement(stereo_px=tuple(y[:, j].tolist()), cov=cov),
+            z=Measurement(stereo_px=vector(y[:, j]), cov=cov),
         )
         for j in seen.tolist()
     )

@@ -1,0 +1,1 @@
+"""Made-up buildings, tags and robots, measured with the forward models the product fits."""
