@@ -144,9 +144,7 @@ class Ingest:
         if index.refusals.get(seq) != reason:
             index.refuse(seq, reason)
             draft.refused.append(Refused(ledger.robot, index.session, seq, reason))
-            draft.note(
-                "refused", robot=ledger.robot, session=index.session, seq=seq, reason=reason
-            )
+            draft.note("refused", robot=ledger.robot, session=index.session, seq=seq, reason=reason)
         draft.touch(ledger.robot, index.session, [seq])
 
     def _count_duplicate(

@@ -1,6 +1,6 @@
 """What has been settled of one agent session."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from tagmap.records import Ack, Hello, Keyframe, Refusal
@@ -15,6 +15,7 @@ MAX_RECENT = 1024
 class SessionIndex:
     """Settled seqs of one session: everything up to `contiguous`, and those `beyond` it.
 
+    `announced` is the `contiguous` that was last told.
     `refusals` (newest last) and `recent` keyframes (newest last) are bounded; the database keeps
     all of them.
     """
@@ -24,6 +25,7 @@ class SessionIndex:
     hello: Hello | None = None
     refused: str | None = None
     contiguous: int = -1
+    announced: int = -1
     beyond: set[int] = field(default_factory=set)
     refusals: dict[int, str] = field(default_factory=dict)
     recent: dict[int, Keyframe] = field(default_factory=dict)
@@ -73,15 +75,22 @@ class SessionIndex:
         known = self.recent.get(keyframe.seq)
         return known is not None and known != keyframe
 
-    def ack(self, among: Iterable[int] | None = None) -> Ack:
-        """`among` limits the refusals to these seqs; None: all that are remembered, newest first.
+    def ack(self, repeated: Iterable[int] = ()) -> Ack:
+        """With the refusals that this settles anew, and those among `repeated` seqs."""
+        again = set(repeated)
+        fresh = self.announced
+        self.announced = self.contiguous
+        return self._ack(lambda seq: seq <= self.contiguous and (seq > fresh or seq in again))
 
-        The list ends where the message would outgrow what a receiver accepts.
-        """
+    def full_ack(self) -> Ack:
+        """With all refusals that are remembered."""
+        return self._ack(lambda _: True)
+
+    def _ack(self, listed: Callable[[int], bool]) -> Ack:
+        """Newest first; the list ends where the message would outgrow what a receiver accepts."""
         chosen, size = [], 0
-        wanted = None if among is None else set(among)
         for seq, reason in reversed(self.refusals.items()):
-            if wanted is None or seq in wanted:
+            if listed(seq):
                 size += len(reason.encode()) + 24
                 if size > MAX_REFUSAL_BYTES:
                     break

@@ -109,7 +109,7 @@ def test_the_first_hello_decides_the_kind_of_the_site():
     assert index.refused == "a spatial session, the site is planar"
     assert draft.refused[0].reason.startswith("the session is refused: a spatial session")
     assert index.ack().contiguous == 1
-    assert [r.seq for r in index.ack().refused] == [1, 0]
+    assert [r.seq for r in index.full_ack().refused] == [1, 0]
 
 
 def test_pixels_need_a_rig():
@@ -150,7 +150,7 @@ def test_a_valid_keyframe_outlives_a_spoilt_copy_in_either_order():
         ingest = Ingest("site")
         draft = feed(ingest, hello(), *order)
         assert [k.seq for k in draft.keyframes] == [1]
-        assert session_of(ingest).ack().refused == ()
+        assert session_of(ingest).full_ack().refused == ()
 
 
 def test_an_acceptable_hello_heals_a_refused_session():
@@ -159,7 +159,7 @@ def test_an_acceptable_hello_heals_a_refused_session():
     assert session_of(ingest).refused is not None
     draft = feed(ingest, hello(), keyframe(1))
     assert len(draft.keyframes) == 1
-    assert session_of(ingest).ack().refused == ()
+    assert session_of(ingest).full_ack().refused == ()
 
 
 def test_what_is_too_far_ahead_is_neither_stored_nor_settled():
@@ -193,7 +193,17 @@ def test_sessions_without_hello_are_bounded(monkeypatch):
 def test_an_ack_lists_the_newest_refusals_and_stays_small():
     ingest = Ingest("site")
     feed(ingest, hello(), *(keyframe(i, site="no") for i in range(1, 1200)))
-    ack = session_of(ingest).ack()
+    ack = session_of(ingest).full_ack()
     assert ack.contiguous == 1199
     assert ack.refused[0].seq == 1199
     assert len(encode(ack)) < 65536
+
+
+def test_an_ack_tells_each_refusal_once_and_again_when_it_is_sent_again():
+    ingest = Ingest("site")
+    feed(ingest, keyframe(1, site="no"))
+    assert session_of(ingest).ack([1]).refused == ()
+    feed(ingest, hello())
+    assert [r.seq for r in session_of(ingest).ack([0]).refused] == [1]
+    assert session_of(ingest).ack([0]).refused == ()
+    assert [r.seq for r in session_of(ingest).ack([1]).refused] == [1]

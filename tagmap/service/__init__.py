@@ -1,0 +1,1 @@
+"""The shell around the mapper: Zenoh, the database, clocks and processes."""
