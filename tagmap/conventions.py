@@ -50,6 +50,7 @@ import numpy.typing as npt
 
 Array: TypeAlias = npt.NDArray[np.float64]
 Index: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
 Kind: TypeAlias = Literal["spatial", "planar"]
 Form: TypeAlias = Literal["stereo_px", "mono_px", "point_cam_m", "range_bearing"]
 

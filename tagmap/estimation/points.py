@@ -1,0 +1,157 @@
+"""Tag positions from sightings, given poses: the start values of tags."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tagmap.conventions import Array, Index, Mask
+from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import Problem, Sightings
+from tagmap.geometry import camera, measurement
+
+ROBUST_ROUNDS = 10
+LEAST_PARALLAX = 1e-3
+GUESSED_RANGE_M = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """What each sighting says about where its tag is in base, as a Gaussian in information form.
+
+    pose, tag (K,); p_base (K, d); information (K, d, d), of rank 1 less for a direction only.
+    """
+
+    pose: Index
+    tag: Index
+    p_base: Array
+    information: Array
+
+    def of_poses(self, first: int, last: int) -> "Points":
+        """The points of poses first..last, both included, whose poses are then numbered from 0."""
+        start, stop = np.searchsorted(self.pose, [first, last + 1])
+        part = self.take(np.arange(start, stop))
+        return replace(part, pose=part.pose - first)
+
+    def take(self, keep: Index) -> "Points":
+        return Points(self.pose[keep], self.tag[keep], self.p_base[keep], self.information[keep])
+
+
+def points_of(problem: Problem) -> Points:
+    """Points of all sightings that give one, ascending by pose; a negative disparity gives none."""
+    parts = [_points_of_block(problem, block) for block in problem.sightings]
+    parts = [part for part in parts if len(part.pose)]
+    d = problem.tag_dof
+    if not parts:
+        none = np.zeros(0, dtype=np.int64)
+        return Points(none, none, np.zeros((0, d)), np.zeros((0, d, d)))
+    together = Points(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("pose", "tag", "p_base", "information")
+        )
+    )
+    return together.take(np.argsort(together.pose, kind="stable"))
+
+
+def _points_of_block(problem: Problem, block: Sightings) -> Points:
+    cov = np.linalg.inv(np.swapaxes(block.whiten, -1, -2) @ block.whiten)
+    given = measurement.to_point(block.form, problem.kind, block.z, cov, block.rig)
+    p_cam, information = _directions(block) if given is None else _informed(*given)
+    d = problem.tag_dof
+    T_base_cam = lie(problem.kind).inverse(block.T_cam_base)
+    R = T_base_cam[:, :d, :d]
+    p_base = lie(problem.kind).act(T_base_cam, p_cam)
+    information = R @ information @ np.swapaxes(R, -1, -2)
+    good = np.isfinite(p_base).all(axis=1) & np.isfinite(information).all(axis=(1, 2))
+    return Points(block.pose, block.tag, p_base, information).take(np.flatnonzero(good))
+
+
+def _informed(p_cam: Array, cov: Array) -> tuple[Array, Array]:
+    """Covariance to information; a point that could not be computed stays NaN."""
+    bad = ~np.isfinite(cov).all(axis=(1, 2))
+    information = np.linalg.inv(np.where(bad[:, None, None], np.eye(cov.shape[1]), cov))
+    information[bad] = np.nan
+    return p_cam, information
+
+
+def _directions(block: Sightings) -> tuple[Array, Array]:
+    """Start values where one sighting gives no point; the angle is taken as good to 0.01 rad.
+
+    mono_px: any point of the ray, informed across it only, as for a tag at GUESSED_RANGE_M.
+    range_bearing in space: level with the camera, elevation known to half a radian.
+    """
+    if block.form == "mono_px":
+        assert block.rig is not None
+        rays = camera.undistort(block.rig.left, block.z)
+        p_cam = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+        u = p_cam / np.linalg.norm(p_cam, axis=1, keepdims=True)
+        across = np.eye(3) - u[:, :, None] * u[:, None, :]
+        return p_cam, across / (0.01 * GUESSED_RANGE_M) ** 2
+    r, b = block.z.T
+    p_cam = np.stack([-r * np.sin(b), np.zeros_like(r), r * np.cos(b)], axis=1)
+    sigma = np.stack([0.01 * r, 0.5 * r, 0.01 * r], axis=1)
+    return p_cam, np.eye(3) / sigma[:, :, None] ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class TagFit:
+    """p (M, d), information (M, d, d), n (M,) sum of weights; NaN and 0 where not determined."""
+
+    p: Array
+    information: Array
+    n: Array
+
+    @property
+    def determined(self) -> Mask:
+        known: Mask = np.isfinite(self.p).all(axis=1)
+        return known
+
+
+def fit_tags(points: Points, T: Array, n_tags: int) -> TagFit:
+    """Robust information-weighted mean per tag (iteratively reweighted, Cauchy loss).
+
+    T (N, D, D): poses. The rounds begin at the coordinate-wise median, so a minority of wrong
+    identities does not move it.
+    """
+    d = T.shape[-1] - 1
+    T_point = T[points.pose]
+    R = T_point[:, :d, :d]
+    p_map = np.einsum("kij,kj->ki", R, points.p_base) + T_point[:, :d, d]
+    information = R @ points.information @ np.swapaxes(R, -1, -2)
+    full = _well_conditioned(points.information)
+    mean = _medians(points.tag[full], p_map[full], n_tags)
+    for _ in range(ROBUST_ROUNDS):
+        offset = p_map - mean[points.tag]
+        r2 = np.einsum("ki,kij,kj->k", offset, information, offset)
+        w = np.where(np.isnan(r2), 1.0, 1.0 / (1.0 + r2 / d))
+        total = _sum_by_tag(points.tag, information * w[:, None, None], n_tags)
+        moment = np.einsum("kij,kj,k->ki", information, p_map, w)
+        solvable = _well_conditioned(total)
+        mean = np.full((n_tags, d), np.nan)
+        rhs = _sum_by_tag(points.tag, moment, n_tags)[solvable]
+        mean[solvable] = np.linalg.solve(total[solvable], rhs[:, :, None])[:, :, 0]
+    n = np.bincount(points.tag, weights=w, minlength=n_tags)
+    total[~solvable] = 0.0
+    return TagFit(mean, total, np.where(solvable, n, 0.0))
+
+
+def _medians(tag: Index, p: Array, n_tags: int) -> Array:
+    medians = np.full((n_tags, p.shape[1]), np.nan)
+    order = np.argsort(tag, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(tag[order])) + 1) if len(tag) else []
+    for group in groups:
+        medians[tag[group[0]]] = np.median(p[group], axis=0)
+    return medians
+
+
+def _sum_by_tag(tag: Index, values: Array, n_tags: int) -> Array:
+    total = np.zeros((n_tags, *values.shape[1:]))
+    np.add.at(total, tag, values)
+    return total
+
+
+def _well_conditioned(information: Array) -> Mask:
+    """True where every direction is known at least 1e-3 as well as the best one (in sigma)."""
+    eigenvalues = np.linalg.eigvalsh(information)
+    good: Mask = eigenvalues[:, 0] > LEAST_PARALLAX**2 * eigenvalues[:, -1]
+    return good & (eigenvalues[:, -1] > 0.0)

@@ -1,0 +1,59 @@
+"""What the joint optimisation returns."""
+
+from dataclasses import dataclass
+
+from tagmap.conventions import Array, Index, Kind
+from tagmap.records.pose import Gauge
+from tagmap.records.tag import TagState
+
+
+@dataclass(frozen=True, slots=True)
+class TagEstimate:
+    """p (d,) m in map, cov (d, d); both None while withheld. n: sightings that carry it."""
+
+    tag: str
+    p: Array | None
+    cov: Array | None
+    n: int
+    state: TagState
+
+
+@dataclass(frozen=True, slots=True)
+class SessionEstimate:
+    """The placed poses of one session: seqs, t_ns (n,), T (n, D, D).
+
+    cov (n, k): packed upper triangles; NaN but for the last pose, whose covariance is needed to go
+    on from it. `connected` is False where nothing ties the session to the gauge: no poses then.
+    """
+
+    robot: str
+    session: str
+    seqs: Index
+    t_ns: Index
+    T: Array
+    cov: Array
+    connected: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A map and the poses that go with it, and how much they can be trusted.
+
+    scale, stereo_scale: the sensors' common scales, None where not an unknown. cost: the robust
+    objective. inliers, rejected: sightings with a robust weight above or below one half.
+    report: what is withheld or doubtful and what would mend it, one line each.
+    """
+
+    kind: Kind
+    gauge: Gauge
+    tags: tuple[TagEstimate, ...]
+    sessions: tuple[SessionEstimate, ...]
+    scale: float | None
+    stereo_scale: float | None
+    converged: bool
+    iterations: int
+    cost: float
+    inliers: int
+    rejected: int
+    solve_s: float
+    report: tuple[str, ...]

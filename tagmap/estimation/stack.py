@@ -1,0 +1,200 @@
+"""Records to stacked arrays: the one function that turns sessions into the joint problem."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
+from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import (
+    Odometry,
+    Problem,
+    ScaleName,
+    Sightings,
+    Surveyed,
+    whitening,
+)
+from tagmap.geometry.covariance import unpack_upper
+from tagmap.geometry.stereo import StereoRig
+from tagmap.records import Hello, Keyframe, Sighting
+from tagmap.records import arrays as convert
+from tagmap.records.keyframe import Form
+
+SCALED_FORMS: dict[Form, ScaleName] = {
+    "range_bearing": "range",
+    "point_cam_m": "range",
+    "stereo_px": "stereo",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SessionData:
+    """All keyframes of one agent session, in any order."""
+
+    hello: Hello
+    keyframes: list[Keyframe]
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyedTag:
+    """A position from outside: p_m (3,) in map, its standard deviation per axis."""
+
+    tag: str
+    p_m: tuple[float, float, float]
+    sigma_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stacked:
+    """The problem and the names of its unknowns.
+
+    sessions: in the order of their poses; bounds (S + 1,): poses bounds[s]:bounds[s + 1] are those
+    of session s; seq, t_ns (N,); chain (N,): number of the odometry chain a pose belongs to.
+    """
+
+    problem: Problem
+    tags: tuple[str, ...]
+    sessions: tuple[Hello, ...]
+    bounds: Index
+    seq: Index
+    t_ns: Index
+    chain: Index
+
+
+def stack(sessions: Sequence[SessionData], surveys: Sequence[SurveyedTag]) -> Stacked:
+    """Order of sessions and keyframes on input does not matter; all must be of one kind."""
+    ordered = sorted((s for s in sessions if s.keyframes), key=_start_of)
+    frames = [sorted(s.keyframes, key=lambda frame: frame.seq) for s in ordered]
+    kind: Kind = ordered[0].hello.kind if ordered else "spatial"
+    tags = sorted(
+        {sight.tag for session in frames for frame in session for sight in frame.sightings}
+        | {survey.tag for survey in surveys}
+    )
+    odometry = _odometry(kind, frames)
+    sightings, scales = _sightings(kind, [s.hello for s in ordered], frames, tags)
+    bounds = np.cumsum([0, *map(len, frames)])
+    flat = [frame for session in frames for frame in session]
+    breaks = np.ones(len(flat), dtype=np.int64)
+    breaks[odometry.first + 1] = 0
+    problem = Problem(
+        kind=kind,
+        n_poses=len(flat),
+        n_tags=len(tags),
+        odometry=odometry,
+        sightings=sightings,
+        surveyed=_surveyed(kind, surveys, tags),
+        scale_names=tuple(scales),
+        scale_sigma=np.array(list(scales.values()), dtype=float),
+    )
+    return Stacked(
+        problem=problem,
+        tags=tuple(tags),
+        sessions=tuple(s.hello for s in ordered),
+        bounds=bounds,
+        seq=np.array([frame.seq for frame in flat], dtype=np.int64),
+        t_ns=np.array([frame.t_ns for frame in flat], dtype=np.int64),
+        chain=np.cumsum(breaks) - 1,
+    )
+
+
+def _start_of(session: SessionData) -> tuple[int, str, str]:
+    """Sessions are ordered by their first measurement: ids drawn at random do not matter."""
+    start = min(frame.t_ns for frame in session.keyframes)
+    return start, session.hello.robot, session.hello.session
+
+
+def _odometry(kind: Kind, frames: list[list[Keyframe]]) -> Odometry:
+    """A step counts where its keyframe follows the one with the seq before."""
+    first, steps, covs = [], [], []
+    number = -1
+    for session in frames:
+        for before, frame in zip([None, *session], session, strict=False):
+            number += 1
+            if frame.odom is None or before is None or frame.seq != before.seq + 1:
+                continue
+            first.append(number - 1)
+            steps.append(convert.matrix(frame.odom.T_prev_cur))
+            covs.append(frame.odom.cov)
+    dof, size = POSE_DOF[kind], TAG_DOF[kind] + 1
+    upper = np.array(covs, dtype=float).reshape(-1, dof * (dof + 1) // 2)
+    return Odometry(
+        first=np.array(first, dtype=np.int64),
+        T=np.array(steps, dtype=float).reshape(-1, size, size),
+        whiten=whitening(unpack_upper(upper, dof)),
+    )
+
+
+def _scale_priors(hellos: Sequence[Hello]) -> dict[ScaleName, float]:
+    """A scale is one unknown of the site; its prior is the widest that any robot states."""
+    stated: dict[ScaleName, list[float]] = {
+        "range": [h.range_scale_sigma for h in hellos if h.range_scale_sigma is not None],
+        "stereo": [h.stereo_scale_sigma for h in hellos if h.stereo_scale_sigma is not None],
+    }
+    return {name: max(sigmas) for name, sigmas in stated.items() if sigmas}
+
+
+def _sightings(
+    kind: Kind, hellos: Sequence[Hello], frames: list[list[Keyframe]], tags: Sequence[str]
+) -> tuple[tuple[Sightings, ...], dict[ScaleName, float]]:
+    """One block per form, rig and scale."""
+    number_of = {tag: i for i, tag in enumerate(tags)}
+    scales = _scale_priors(hellos)
+    groups: dict[tuple[Form, int, bool], list[tuple[int, Sighting, Array]]] = {}
+    pose = -1
+    for session, (hello, keyframes) in enumerate(zip(hellos, frames, strict=True)):
+        for frame in keyframes:
+            pose += 1
+            if not frame.sightings:
+                continue
+            T_cam_base = lie(kind).inverse(convert.matrix(frame.T_base_cam))
+            for sighting in frame.sightings:
+                form = sighting.z.form
+                rig = session if form in ("stereo_px", "mono_px") else -1
+                key = (form, rig, _has_scale(hello, form))
+                groups.setdefault(key, []).append((pose, sighting, T_cam_base))
+    rigs = [None if h.rig is None else convert.stereo_rig(h.rig) for h in hellos]
+    names = list(scales)
+    blocks = []
+    for (form, rig, scaled), members in sorted(groups.items(), key=lambda item: item[0]):
+        scale = names.index(SCALED_FORMS[form]) if scaled else -1
+        blocks.append(_block(form, rigs[rig] if rig >= 0 else None, scale, members, number_of))
+    return tuple(blocks), scales
+
+
+def _has_scale(hello: Hello, form: Form) -> bool:
+    name = SCALED_FORMS.get(form)
+    sigma = {"range": hello.range_scale_sigma, "stereo": hello.stereo_scale_sigma}
+    return name is not None and sigma[name] is not None
+
+
+def _block(
+    form: Form,
+    rig: StereoRig | None,
+    scale: int,
+    members: list[tuple[int, Sighting, Array]],
+    number_of: dict[str, int],
+) -> Sightings:
+    z = np.array([sighting.z.values for _, sighting, _ in members], dtype=float)
+    cov = np.array([sighting.z.cov for _, sighting, _ in members], dtype=float)
+    return Sightings(
+        form=form,
+        rig=rig,
+        pose=np.array([pose for pose, _, _ in members], dtype=np.int64),
+        tag=np.array([number_of[sighting.tag] for _, sighting, _ in members], dtype=np.int64),
+        z=z,
+        whiten=whitening(unpack_upper(cov, z.shape[1])),
+        T_cam_base=np.array([T for _, _, T in members]),
+        scale=np.full(len(members), scale, dtype=np.int64),
+    )
+
+
+def _surveyed(kind: Kind, surveys: Sequence[SurveyedTag], tags: Sequence[str]) -> Surveyed:
+    d = TAG_DOF[kind]
+    number_of = {tag: i for i, tag in enumerate(tags)}
+    sigma = np.array([survey.sigma_m for survey in surveys], dtype=float)
+    return Surveyed(
+        tag=np.array([number_of[survey.tag] for survey in surveys], dtype=np.int64),
+        p=np.array([survey.p_m[:d] for survey in surveys], dtype=float).reshape(-1, d),
+        whiten=np.eye(d) / sigma[:, None, None] if len(surveys) else np.zeros((0, d, d)),
+    )
