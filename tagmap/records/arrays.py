@@ -1,0 +1,96 @@
+"""Records to arrays and back: the one conversion between the two forms of a fact."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagmap.conventions import Array, Form, Index
+from tagmap.geometry import se2, se3
+from tagmap.geometry.camera import Camera
+from tagmap.geometry.covariance import pack_upper, unpack_upper
+from tagmap.geometry.stereo import StereoRig
+from tagmap.records.base import Vector
+from tagmap.records.keyframe import Measurement
+from tagmap.records.rig import CameraCalibration, RigCalibration
+from tagmap.records.transform import Transform
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurementBlock:
+    """Measurements of one form: index (K,) in the given order, z (K, k), cov (K, k, k)."""
+
+    form: Form
+    index: Index
+    z: Array
+    cov: Array
+
+
+def matrix(transform: Transform) -> Array:
+    """(4, 4) of a spatial, (3, 3) of a planar transform."""
+    p = np.array(transform.p_m)
+    if isinstance(transform.q_wxyz, tuple):
+        return se3.from_p_q(p, np.array(transform.q_wxyz))
+    assert isinstance(transform.theta_rad, float)
+    return se2.from_p_theta(p, transform.theta_rad)
+
+
+def transform(T: Array) -> Transform:
+    """The edge form of one (4, 4) or (3, 3) matrix."""
+    if T.shape[-1] == 4:
+        p, q_wxyz = se3.to_p_q(T)
+        return Transform(p_m=vector(p), q_wxyz=vector(q_wxyz))
+    p, theta = se2.to_p_theta(T)
+    return Transform(p_m=vector(p), theta_rad=float(theta))
+
+
+def vector(values: Array) -> Vector:
+    """(n,) to the tuple that a record holds."""
+    return tuple(values.tolist())
+
+
+def covariance(upper: Sequence[float]) -> Array:
+    """(n, n) of a packed upper triangle."""
+    n = (math.isqrt(8 * len(upper) + 1) - 1) // 2
+    return unpack_upper(np.array(upper, dtype=np.float64), n)
+
+
+def upper(cov: Array) -> Vector:
+    """The packed upper triangle of one (n, n)."""
+    return vector(pack_upper(cov))
+
+
+def camera(calibration: CameraCalibration) -> Camera:
+    return Camera(
+        width_px=calibration.width_px,
+        height_px=calibration.height_px,
+        fx_px=calibration.fx_px,
+        fy_px=calibration.fy_px,
+        cx_px=calibration.cx_px,
+        cy_px=calibration.cy_px,
+        dist=np.array(calibration.dist),
+    )
+
+
+def stereo_rig(calibration: RigCalibration) -> StereoRig:
+    return StereoRig(
+        left=camera(calibration.left),
+        right=camera(calibration.right),
+        T_right_left=matrix(calibration.T_right_left),
+        sigma_px=calibration.sigma_px,
+    )
+
+
+def measurement_blocks(measurements: Sequence[Measurement]) -> list[MeasurementBlock]:
+    """Stack measurements of one problem kind, one block per form that occurs."""
+    members: dict[Form, list[int]] = {}
+    for i, z in enumerate(measurements):
+        members.setdefault(z.form, []).append(i)
+    return [_block(form, index, measurements) for form, index in members.items()]
+
+
+def _block(form: Form, index: list[int], measurements: Sequence[Measurement]) -> MeasurementBlock:
+    z = np.array([measurements[i].values for i in index])
+    packed = np.array([measurements[i].cov for i in index])
+    return MeasurementBlock(form, np.array(index), z, unpack_upper(packed, z.shape[1]))
