@@ -1,0 +1,48 @@
+"""What is committed to the site database together."""
+
+from dataclasses import dataclass, field
+
+from tagmap.records import Hello, Keyframe
+from tagmap.records.base import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class RefusalRow:
+    """A message of a robot that is not acceptable, and why. A refused hello has seq 0."""
+
+    robot: str
+    session: str
+    seq: int
+    reason: str
+    t_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """A tag measured by other means: position in map (3 numbers, 2 in the plane), isotropic."""
+
+    tag: str
+    p_m: Vector
+    sigma_m: float
+    t_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Facts that are stored all together or not at all."""
+
+    hellos: list[Hello] = field(default_factory=list)
+    keyframes: list[Keyframe] = field(default_factory=list)
+    refusals: list[RefusalRow] = field(default_factory=list)
+    surveys: list[Survey] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Inserted:
+    """How much of a batch was new."""
+
+    hellos: int
+    keyframes: int
+    sightings: int
+    refusals: int
+    surveys: int

@@ -1,0 +1,167 @@
+"""One SQLite file: how it is opened, locked and written, and what its errors are called."""
+
+import fcntl
+import os
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from tagmap.errors import StoreError
+
+Row: TypeAlias = tuple[Any, ...]
+Values: TypeAlias = Sequence[Any] | Mapping[str, Any]
+
+BUSY_TIMEOUT_S = 5.0
+
+_PRIMARY_CODE = 0xFF
+_MEANING = {
+    sqlite3.SQLITE_FULL: "the disk is full",
+    sqlite3.SQLITE_NOTADB: "not an SQLite database",
+    sqlite3.SQLITE_CORRUPT: "damaged; see tagmap db check",
+    sqlite3.SQLITE_READONLY: "not writable",
+    sqlite3.SQLITE_BUSY: f"locked by another process for more than {BUSY_TIMEOUT_S:g} s",
+}
+
+
+class Connection:
+    """A database file in WAL mode, for one thread. Every failure is a StoreError naming the file.
+
+    A commit is on the disk when `transaction` returns (synchronous = FULL).
+    """
+
+    def __init__(self, path: Path, raw: sqlite3.Connection, lock: int | None = None) -> None:
+        self.path = path
+        self.raw = raw
+        self._lock = lock
+
+    def rows(self, sql: str, values: Values = ()) -> list[Row]:
+        with naming(self.path):
+            return self.raw.execute(sql, values).fetchall()
+
+    def row(self, sql: str, values: Values = ()) -> Row | None:
+        rows = self.rows(sql, values)
+        return rows[0] if rows else None
+
+    def scalar(self, sql: str, values: Values = ()) -> Any:
+        """The first column of the first row, which must exist."""
+        return self.rows(sql, values)[0][0]
+
+    def execute(self, sql: str, values: Values = ()) -> int:
+        """The number of rows changed."""
+        with naming(self.path):
+            return self.raw.execute(sql, values).rowcount
+
+    def executemany(self, sql: str, values: Iterable[Values]) -> int:
+        """The number of rows changed."""
+        with naming(self.path):
+            return max(0, self.raw.executemany(sql, values).rowcount)
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """All or nothing: committed at the end, rolled back on any exception."""
+        self.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self.execute("COMMIT")
+        except BaseException:
+            # Some failures, a full disk for one, make SQLite roll back by itself.
+            if self.raw.in_transaction:
+                self.raw.execute("ROLLBACK")
+            raise
+
+    def close(self) -> None:
+        with naming(self.path):
+            self.raw.close()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Turn what sqlite3 raises into a StoreError of one line."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise StoreError(f"{path}: {_explain(error)}") from error
+    except (OverflowError, UnicodeEncodeError) as error:
+        raise StoreError(f"{path}: a value cannot be stored: {error}") from error
+
+
+def connect_for_reading(path: Path) -> Connection:
+    """Another process may write meanwhile; every query sees the last commit before it."""
+    _check_file(path, must_exist=True)
+    return _connect(path, "ro", None)
+
+
+def connect_for_writing(path: Path, create: bool) -> Connection:
+    """The only writer: a second one is refused until this one is closed or its process gone."""
+    _check_file(path, must_exist=not create)
+    lock = _lock(path)
+    try:
+        return _connect(path, "rwc" if create else "rw", lock)
+    except BaseException:
+        os.close(lock)
+        raise
+
+
+def keep_a_write_ahead_log(connection: Connection) -> None:
+    """Readers then never wait for the writer, nor it for them. Proves that writing is possible."""
+    mode = connection.scalar("PRAGMA journal_mode = WAL")
+    if mode != "wal":
+        raise StoreError(f"{connection.path}: journal mode {mode}; its file system has no WAL")
+    with connection.transaction():
+        pass
+
+
+def _connect(path: Path, mode: str, lock: int | None) -> Connection:
+    with naming(path):
+        raw = sqlite3.connect(
+            f"{path.absolute().as_uri()}?mode={mode}",
+            uri=True,
+            timeout=BUSY_TIMEOUT_S,
+            isolation_level=None,
+        )
+    connection = Connection(path, raw, lock)
+    try:
+        connection.execute("PRAGMA foreign_keys = ON")
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.rows("SELECT count(*) FROM sqlite_master")
+    except BaseException:
+        raw.close()
+        raise
+    return connection
+
+
+def _check_file(path: Path, must_exist: bool) -> None:
+    if path.is_dir():
+        raise StoreError(f"{path}: is a folder, expected a database file")
+    if not path.parent.is_dir():
+        raise StoreError(f"{path}: the folder {path.parent} does not exist")
+    if must_exist and not path.exists():
+        raise StoreError(f"{path}: no such file")
+
+
+def _lock(path: Path) -> int:
+    """Not on the database itself: closing a second descriptor of it would drop SQLite's locks."""
+    name = path.with_name(path.name + ".lock")
+    try:
+        lock = os.open(name, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        raise StoreError(f"{path}: the folder {path.parent}: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        raise StoreError(f"{path}: another process is writing to it") from None
+    return lock
+
+
+def _explain(error: sqlite3.Error) -> str:
+    code = getattr(error, "sqlite_errorcode", None)
+    if code is None:
+        return str(error)
+    meaning = _MEANING.get(code & _PRIMARY_CODE)
+    return f"{meaning} ({error})" if meaning else str(error)

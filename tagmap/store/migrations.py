@@ -1,0 +1,237 @@
+"""The schemas, as ordered lists of migrations; each is applied atomically with its record.
+
+A released migration is never changed: what comes next is appended. sqlite-utils keeps the record.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+from tagmap.errors import StoreError
+from tagmap.store.connection import Connection, naming
+
+if TYPE_CHECKING:
+    from sqlite_utils import Database
+
+Migration: TypeAlias = "Callable[[Database], None]"
+
+RECORD = "_sqlite_migrations"
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """A kind of database file: what it is called, how it is recognised, how it came to be.
+
+    `application_id` is in the file's header. The name of a migration function is its record.
+    """
+
+    name: str
+    application_id: int
+    migrations: tuple[Migration, ...]
+
+    @property
+    def steps(self) -> list[str]:
+        return [migration.__name__ for migration in self.migrations]
+
+
+def applied(connection: Connection, schema: Schema) -> list[str]:
+    """Names of the migrations this database has had; none for an empty one.
+
+    StoreError when it is something else's database or was written by a newer version.
+    """
+    identity = connection.scalar("PRAGMA application_id")
+    tables = {name for (name,) in connection.rows("SELECT name FROM sqlite_master")}
+    if identity != schema.application_id and any(not name.startswith(RECORD) for name in tables):
+        raise StoreError(f"{connection.path}: an SQLite database, but not a {schema.name} database")
+    if RECORD not in tables:
+        return []
+    query = f"SELECT name FROM {RECORD} WHERE migration_set = ? ORDER BY id"
+    names = [name for (name,) in connection.rows(query, [schema.name])]
+    if names != schema.steps[: len(names)]:
+        unknown = sorted(set(names) - set(schema.steps)) or names
+        raise StoreError(
+            f"{connection.path}: written by a newer version of tagmap: "
+            f"its schema has {', '.join(unknown)}, this version knows {', '.join(schema.steps)}"
+        )
+    return names
+
+
+def migrate(connection: Connection, schema: Schema) -> None:
+    """Bring the database to the newest schema. A migration that fails leaves no trace."""
+    if applied(connection, schema) == schema.steps:
+        return
+    from sqlite_utils import Database, Migrations
+
+    steps = Migrations(schema.name)
+    for migration in schema.migrations:
+        steps(name=migration.__name__)(migration)
+    with naming(connection.path):
+        steps.apply(Database(connection.raw, execute_plugins=False))
+
+
+def require_newest(connection: Connection, schema: Schema) -> None:
+    """For readers, who cannot migrate."""
+    names = applied(connection, schema)
+    if names != schema.steps:
+        missing = ", ".join(schema.steps[len(names) :])
+        raise StoreError(
+            f"{connection.path}: older than this version of tagmap (lacks {missing}); "
+            "opening it once for writing brings it up to date"
+        )
+
+
+def _append_only(db: "Database", *tables: str) -> None:
+    for table in tables:
+        for verb in ("UPDATE", "DELETE"):
+            db.execute(
+                f"CREATE TRIGGER {table}_no_{verb.lower()} BEFORE {verb} ON {table} "
+                f"BEGIN SELECT RAISE(ABORT, '{table} is append-only'); END"
+            )
+
+
+def observations(db: "Database") -> None:
+    """What robots reported and people surveyed: facts.
+
+    Vectors are little-endian float64, a hello is its message. `sessions` keeps count of what is
+    stored and not withdrawn, so that nobody has to count rows.
+    """
+    db.execute(f"PRAGMA application_id = {SITE.application_id}")
+    db.execute(
+        """CREATE TABLE site (
+            id INTEGER PRIMARY KEY CHECK (id = 1),
+            name TEXT NOT NULL)"""
+    )
+    db.execute(
+        """CREATE TABLE robots (
+            id INTEGER PRIMARY KEY,
+            name TEXT NOT NULL UNIQUE,
+            number INTEGER UNIQUE)"""
+    )
+    db.execute(
+        """CREATE TABLE sessions (
+            id INTEGER PRIMARY KEY,
+            robot_id INTEGER NOT NULL REFERENCES robots (id),
+            session TEXT NOT NULL,
+            hello BLOB,
+            keyframes INTEGER NOT NULL DEFAULT 0,
+            sightings INTEGER NOT NULL DEFAULT 0,
+            UNIQUE (robot_id, session))"""
+    )
+    db.execute(
+        """CREATE TABLE keyframes (
+            id INTEGER PRIMARY KEY,
+            session_id INTEGER NOT NULL REFERENCES sessions (id),
+            seq INTEGER NOT NULL CHECK (seq >= 1),
+            t_ns INTEGER NOT NULL,
+            T_prev_cur BLOB,
+            odom_cov BLOB,
+            T_base_cam BLOB NOT NULL,
+            UNIQUE (session_id, seq))"""
+    )
+    db.execute(
+        """CREATE TABLE sightings (
+            keyframe_id INTEGER NOT NULL REFERENCES keyframes (id),
+            i INTEGER NOT NULL,
+            tag TEXT NOT NULL,
+            id_by TEXT NOT NULL,
+            p_false REAL NOT NULL,
+            lease INTEGER,
+            form TEXT NOT NULL,
+            z BLOB NOT NULL,
+            cov BLOB NOT NULL,
+            memory BLOB,
+            PRIMARY KEY (keyframe_id, i)) WITHOUT ROWID"""
+    )
+    db.execute(
+        """CREATE TABLE refusals (
+            id INTEGER PRIMARY KEY,
+            session_id INTEGER NOT NULL REFERENCES sessions (id),
+            seq INTEGER NOT NULL CHECK (seq >= 0),
+            reason TEXT NOT NULL,
+            t_ns INTEGER NOT NULL,
+            UNIQUE (session_id, seq))"""
+    )
+    db.execute(
+        """CREATE TABLE surveys (
+            id INTEGER PRIMARY KEY,
+            tag TEXT NOT NULL,
+            p_m BLOB NOT NULL,
+            sigma_m REAL NOT NULL CHECK (sigma_m > 0),
+            t_ns INTEGER NOT NULL,
+            UNIQUE (tag, t_ns))"""
+    )
+    db.execute(
+        "CREATE TRIGGER sessions_one_hello BEFORE UPDATE OF hello ON sessions "
+        "WHEN OLD.hello IS NOT NULL BEGIN SELECT RAISE(ABORT, 'a session has one hello'); END"
+    )
+    _append_only(db, "keyframes", "sightings", "surveys")
+
+
+def maps(db: "Database") -> None:
+    """What was derived from the facts: versions. Poses are kept of the newest version only.
+
+    A row of `keyframe_poses` is a run of one session's poses in time order, so that a new version
+    replaces them quickly: seq and t_ns as little-endian int64, T without its last row.
+    """
+    db.execute(
+        """CREATE TABLE map_versions (
+            version INTEGER PRIMARY KEY CHECK (version >= 1),
+            t_ns INTEGER NOT NULL,
+            cause TEXT NOT NULL,
+            gauge TEXT NOT NULL,
+            moved BLOB,
+            tags INTEGER NOT NULL,
+            withheld INTEGER NOT NULL,
+            summary TEXT NOT NULL)"""
+    )
+    db.execute(
+        """CREATE TABLE tag_estimates (
+            version INTEGER NOT NULL REFERENCES map_versions (version),
+            tag TEXT NOT NULL,
+            p_m BLOB,
+            cov BLOB,
+            state TEXT NOT NULL,
+            n INTEGER NOT NULL,
+            PRIMARY KEY (version, tag)) WITHOUT ROWID"""
+    )
+    db.execute(
+        """CREATE TABLE keyframe_poses (
+            session_id INTEGER NOT NULL REFERENCES sessions (id),
+            first_t_ns INTEGER NOT NULL,
+            last_t_ns INTEGER NOT NULL,
+            version INTEGER NOT NULL REFERENCES map_versions (version),
+            seq BLOB NOT NULL,
+            t_ns BLOB NOT NULL,
+            T_map_base BLOB NOT NULL,
+            cov BLOB)"""
+    )
+    db.execute("CREATE INDEX keyframe_poses_by_time ON keyframe_poses (session_id, first_t_ns)")
+    _append_only(db, "map_versions", "tag_estimates")
+
+
+def outbox(db: "Database") -> None:
+    """An agent's messages until they are settled, and where its source was."""
+    db.execute(f"PRAGMA application_id = {OUTBOX.application_id}")
+    db.execute(
+        "CREATE TABLE source (id INTEGER PRIMARY KEY CHECK (id = 1), cursor INTEGER NOT NULL)"
+    )
+    db.execute("INSERT INTO source VALUES (1, 0)")
+    db.execute(
+        """CREATE TABLE sessions (
+            id INTEGER PRIMARY KEY,
+            session TEXT NOT NULL UNIQUE,
+            last_seq INTEGER NOT NULL)"""
+    )
+    for table, column in (("unsettled", ""), ("refused", "reason TEXT NOT NULL,")):
+        db.execute(
+            f"""CREATE TABLE {table} (
+                session_id INTEGER NOT NULL REFERENCES sessions (id),
+                seq INTEGER NOT NULL,
+                {column}
+                payload BLOB NOT NULL,
+                PRIMARY KEY (session_id, seq))"""
+        )
+
+
+SITE = Schema("site", 0x7461676D, (observations, maps))
+OUTBOX = Schema("outbox", 0x7461676F, (outbox,))

@@ -1,0 +1,71 @@
+"""What is read from the site database, and the poses that go into it with a map version."""
+
+from dataclasses import dataclass
+
+from tagmap.conventions import Array, Index
+from tagmap.records import Hello
+
+
+@dataclass(frozen=True, slots=True)
+class RobotRow:
+    """`number` is None before the first hello; `last_t_ns` before the first keyframe."""
+
+    robot: str
+    number: int | None
+    sessions: int
+    keyframes: int
+    sightings: int
+    refusals: int
+    last_t_ns: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class SessionRow:
+    """`hello` is None while only keyframes of the session have arrived; `refused` says why its
+    hello was refused."""
+
+    robot: str
+    number: int | None
+    session: str
+    hello: Hello | None
+    refused: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """`tags` are those of the newest map version."""
+
+    robots: int
+    sessions: int
+    keyframes: int
+    sightings: int
+    refusals: int
+    tags: int
+    versions: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SessionPoses:
+    """Estimated T_map_base of a session's keyframes.
+
+    seqs (n,), t_ns (n,), T (n, d, d) with d 4 or 3, cov (n, k): packed upper triangles,
+    k 21 or 6, body frame; None when it was not asked for.
+    """
+
+    robot: str
+    session: str
+    seqs: Index
+    t_ns: Index
+    T: Array
+    cov: Array | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseRow:
+    """One of them: T (d, d), cov (k,)."""
+
+    session: str
+    seq: int
+    t_ns: int
+    T: Array
+    cov: Array | None
