@@ -15,7 +15,10 @@ class TagEstimate:
 
 @dataclass(frozen=True, slots=True)
 class TrackEstimate:
-    """T_map_base (N, d, d) of one robot at `t_ns` (N,), sorted; cov (N, dof, dof) in base axes."""
+    """T_map_base (N, d, d) of one robot at `t_ns` (N,), sorted.
+
+    cov (N, dof, dof) in base axes; NaN for poses whose covariance nobody asked for.
+    """
 
     t_ns: Index
     T: Array

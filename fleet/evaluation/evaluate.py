@@ -118,9 +118,6 @@ def _track_errors(
     T = T_truth_map @ track.T[known]
     distance = metrics.position_errors(T, T_true)
     moved_m, turned_rad = metrics.relative_errors(kind, track.t_ns[known], T, T_true, RPE_NS)
-    nees = None
-    if track.cov is not None:
-        nees = float(metrics.pose_nees(kind, T, track.cov[known], T_true).mean())
     return TrackErrors(
         n=len(known),
         position_rmse_m=metrics.rms(distance),
@@ -128,5 +125,13 @@ def _track_errors(
         heading_rmse_rad=metrics.rms(metrics.rotation_errors(kind, T, T_true)),
         rpe_1s_m=metrics.rms(moved_m) if len(moved_m) else None,
         rpe_1s_rad=metrics.rms(turned_rad) if len(turned_rad) else None,
-        nees=nees,
+        nees=None if track.cov is None else _mean_nees(kind, T, track.cov[known], T_true),
     ), distance
+
+
+def _mean_nees(kind: Kind, T: Array, cov: Array, T_true: Array) -> float | None:
+    """Over the poses that have a covariance; NaN marks the others."""
+    has = np.isfinite(cov).all(axis=(-2, -1))
+    if not has.any():
+        return None
+    return float(metrics.pose_nees(kind, T[has], cov[has], T_true[has]).mean())

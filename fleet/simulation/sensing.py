@@ -100,7 +100,8 @@ def sight(
 def _in_image(px: Array) -> Flags:
     """Points behind a camera are NaN, and so in no image."""
     last = np.array([RIG.left.width_px, RIG.left.height_px] * 2) - 1.0
-    return np.all((px >= 0.0) & (px <= last), axis=-1)
+    inside: Flags = np.all((px >= 0.0) & (px <= last), axis=-1)
+    return inside
 
 
 def _spot_covariance(distance_m: float, seeing: Seeing) -> Array:
