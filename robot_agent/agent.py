@@ -80,6 +80,10 @@ class Agent:
     def session(self) -> str:
         return self._identity.session
 
+    def sessions(self) -> Sequence[str]:
+        """Those of which something was sent, this one and earlier ones."""
+        return list(self._flights)
+
     def hello(self) -> Parcel:
         """Seq 0 of the session; the shell opens the session in the outbox with it."""
         hello = Hello(
@@ -145,26 +149,26 @@ class Agent:
     def _acknowledge(
         self, acks: Iterable[Ack], now_ns: int
     ) -> tuple[Sequence[Ack], Sequence[Parcel]]:
+        """What to settle, and what is missing at the service."""
         settle: list[Ack] = []
         missing: list[Parcel] = []
-        for ack in map(self._credible, _newest(acks)):
+        for ack in _newest(acks):
             flight = self._flights.get(ack.session)
             if flight is None:
                 continue
-            progress, again = flight.acknowledge(ack.contiguous, now_ns)
+            last = self._credible(ack, flight)
+            progress, again = flight.acknowledge(last, now_ns)
+            refused = flight.news(refusal for refusal in ack.refused if refusal.seq <= last)
             missing.extend(again)
-            if progress or ack.refused:
-                settle.append(ack)
+            if progress or refused:
+                settle.append(Ack(session=ack.session, contiguous=last, refused=refused))
         return settle, missing
 
-    def _credible(self, ack: Ack) -> Ack:
+    def _credible(self, ack: Ack, flight: Flight) -> int:
         """Of this session nothing can be settled that was not sent yet, whatever is claimed."""
-        flight = self._flights.get(ack.session)
-        last = ack.contiguous
-        if flight is not None and ack.session == self.session:
-            last = min(last, flight.last_sent)
-        refused = tuple(refusal for refusal in ack.refused if refusal.seq <= last)
-        return Ack(session=ack.session, contiguous=last, refused=refused)
+        if ack.session == self.session:
+            return min(ack.contiguous, flight.last_sent)
+        return ack.contiguous
 
     def _launch(self, parcels: Iterable[Parcel], now_ns: int) -> None:
         for parcel in parcels:

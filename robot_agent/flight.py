@@ -1,10 +1,13 @@
 """One session's records under way: put on the wire, not yet settled by the service."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+
+from tagmap.records import Refusal
 
 PATIENCE_NS = 1_000_000_000
 LONGEST_PATIENCE_NS = 8_000_000_000
+REFUSALS_REMEMBERED = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +35,7 @@ class Flight:
     ask_at_ns: int = 0
     asked_up_to: int | None = None
     unanswered: int = 0
+    refused: dict[int, None] = field(default_factory=dict)
 
     def launch(self, parcel: Parcel, now_ns: int) -> None:
         if not self.parcels:
@@ -48,6 +52,14 @@ class Flight:
             self.patience_ns = PATIENCE_NS
             self.ask_at_ns = now_ns + self.patience_ns
         return bool(settled), self._answered(now_ns)
+
+    def news(self, refusals: Iterable[Refusal]) -> tuple[Refusal, ...]:
+        """Those not heard before; an acknowledgement repeats at most the newest thousand."""
+        fresh = tuple(refusal for refusal in refusals if refusal.seq not in self.refused)
+        self.refused.update((refusal.seq, None) for refusal in fresh)
+        while len(self.refused) > REFUSALS_REMEMBERED:
+            del self.refused[next(iter(self.refused))]
+        return fresh
 
     def ask_now(self, now_ns: int) -> None:
         self.ask_at_ns = now_ns

@@ -69,6 +69,18 @@ def migrate(connection: Connection, schema: Schema) -> None:
         steps.apply(Database(connection.raw, execute_plugins=False))
 
 
+def objects(schema: Schema) -> dict[str, str]:
+    """The definitions of all tables, indices and triggers of a database fresh from `schema`."""
+    from sqlite_utils import Database
+
+    db = Database(memory=True)
+    for migration in schema.migrations:
+        migration(db)
+    rows = db.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+    db.close()
+    return dict(rows)
+
+
 def require_newest(connection: Connection, schema: Schema) -> None:
     """For readers, who cannot migrate."""
     names = applied(connection, schema)
@@ -210,25 +222,28 @@ def maps(db: "Database") -> None:
 
 
 def outbox(db: "Database") -> None:
-    """An agent's messages until they are settled, and where its source was."""
+    """An agent's messages until they are settled, and where its sources were.
+
+    A refusal that is told after its message was dropped is kept without the payload.
+    """
     db.execute(f"PRAGMA application_id = {OUTBOX.application_id}")
-    db.execute(
-        "CREATE TABLE source (id INTEGER PRIMARY KEY CHECK (id = 1), cursor INTEGER NOT NULL)"
-    )
-    db.execute("INSERT INTO source VALUES (1, 0)")
+    db.execute("CREATE TABLE owner (id INTEGER PRIMARY KEY CHECK (id = 1), name TEXT NOT NULL)")
+    db.execute("CREATE TABLE sources (name TEXT PRIMARY KEY, cursor INTEGER NOT NULL)")
     db.execute(
         """CREATE TABLE sessions (
             id INTEGER PRIMARY KEY,
             session TEXT NOT NULL UNIQUE,
             last_seq INTEGER NOT NULL)"""
     )
-    for table, column in (("unsettled", ""), ("refused", "reason TEXT NOT NULL,")):
+    for table, columns in (
+        ("unsettled", "payload BLOB NOT NULL"),
+        ("refused", "reason TEXT NOT NULL, payload BLOB"),
+    ):
         db.execute(
             f"""CREATE TABLE {table} (
                 session_id INTEGER NOT NULL REFERENCES sessions (id),
                 seq INTEGER NOT NULL,
-                {column}
-                payload BLOB NOT NULL,
+                {columns},
                 PRIMARY KEY (session_id, seq))"""
         )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Self
 
 from tagmap.errors import StoreError
-from tagmap.store.connection import Connection, connect_for_writing, keep_a_write_ahead_log
+from tagmap.store.connection import Connection, Row, connect_for_writing, keep_a_write_ahead_log
 from tagmap.store.migrations import OUTBOX, applied, migrate
 
 
@@ -23,6 +23,8 @@ class OutboxCounts:
     settled: int
     refused: int
     pending: int
+    refused_hellos: int
+    pending_hellos: int
 
     @property
     def keyframes(self) -> int:
@@ -35,7 +37,7 @@ class RefusedMessage:
     session: str
     seq: int
     reason: str
-    payload: bytes
+    payload: bytes | None
 
 
 class Outbox:
@@ -43,15 +45,21 @@ class Outbox:
 
     def __init__(self, connection: Connection) -> None:
         self._db = connection
+        self._source = ""
 
     @classmethod
-    def open(cls, path: Path) -> Self:
-        """Created when it is not there. StoreError names the file."""
+    def open(cls, path: Path, owner: str | None = None) -> Self:
+        """Created when it is not there. StoreError names the file.
+
+        The first `owner` named is kept; another one is refused.
+        """
         db = connect_for_writing(path, create=True)
         try:
             applied(db, OUTBOX)
             keep_a_write_ahead_log(db)
             migrate(db, OUTBOX)
+            if owner is not None:
+                _claim(db, owner)
         except BaseException:
             db.close()
             raise
@@ -91,11 +99,17 @@ class Outbox:
             self._insert(session_id, items)
             update = "UPDATE sessions SET last_seq = ? WHERE id = ?"
             self._db.execute(update, [last_seq + len(seqs), session_id])
-            self._db.execute("UPDATE source SET cursor = ?", [cursor])
+            self._db.execute("REPLACE INTO sources VALUES (?, ?)", [self._source, cursor])
+
+    def resume(self, source: str) -> int:
+        """Append from `source` from now on; its cursor."""
+        self._source = source
+        return self.cursor()
 
     def cursor(self) -> int:
-        """Where the source was at the last append; 0 before the first."""
-        return int(self._db.scalar("SELECT cursor FROM source"))
+        """Where the source was at its last append; 0 before the first."""
+        row = self._db.row("SELECT cursor FROM sources WHERE name = ?", [self._source])
+        return 0 if row is None else int(row[0])
 
     def unsettled(
         self, limit: int, after: tuple[str, int] | None = None
@@ -111,16 +125,18 @@ class Outbox:
     def settle(self, session: str, contiguous: int, refused: Sequence[tuple[int, str]] = ()) -> int:
         """Drop what is settled: all up to `contiguous`, and the refused (seq, reason), which are
         kept apart. The number of messages that were pending until now; an unknown session has none.
+
+        A refusal may be told late, or again.
         """
         session_id = self._find(session)
         if session_id is None:
             return 0
         with self._db.transaction():
-            values = [(reason, session_id, seq) for seq, reason in refused]
             self._db.executemany(
-                "INSERT INTO refused SELECT session_id, seq, ?, payload FROM unsettled "
-                "WHERE session_id = ? AND seq = ?",
-                values,
+                "INSERT OR IGNORE INTO refused SELECT id, ?1, ?2, "
+                "(SELECT payload FROM unsettled WHERE session_id = id AND seq = ?1) "
+                "FROM sessions WHERE id = ?3 AND last_seq >= ?1",
+                [(seq, reason, session_id) for seq, reason in refused],
             )
             dropped = self._db.executemany(
                 "DELETE FROM unsettled WHERE session_id = ? AND seq = ?",
@@ -146,11 +162,20 @@ class Outbox:
         return [RefusedMessage(*row) for row in rows]
 
     def counts(self) -> OutboxCounts:
-        sessions, appended, refused, pending = self._db.rows(
-            "SELECT count(*), coalesce(sum(last_seq + 1), 0), "
-            "(SELECT count(*) FROM refused), (SELECT count(*) FROM unsettled) FROM sessions"
+        sessions, appended = self._db.rows(
+            "SELECT count(*), coalesce(sum(last_seq + 1), 0) FROM sessions"
         )[0]
-        return OutboxCounts(sessions, appended, appended - pending, refused, pending)
+        refused, refused_hellos = self._count("refused")
+        pending, pending_hellos = self._count("unsettled")
+        settled = appended - pending
+        return OutboxCounts(
+            sessions, appended, settled, refused, pending, refused_hellos, pending_hellos
+        )
+
+    def _count(self, table: str) -> Row:
+        """All messages, and the hellos among them."""
+        query = f"SELECT count(*), count(*) FILTER (WHERE seq = 0) FROM {table}"
+        return self._db.rows(query)[0]
 
     def _find(self, session: str) -> int | None:
         row = self._db.row("SELECT id FROM sessions WHERE session = ?", [session])
@@ -165,3 +190,11 @@ class Outbox:
     def _insert(self, session_id: int, items: Sequence[tuple[int, bytes]]) -> None:
         rows = [(session_id, seq, payload) for seq, payload in items]
         self._db.executemany("INSERT INTO unsettled VALUES (?, ?, ?)", rows)
+
+
+def _claim(db: Connection, owner: str) -> None:
+    with db.transaction():
+        db.execute("INSERT OR IGNORE INTO owner VALUES (1, ?)", [owner])
+        found = db.scalar("SELECT name FROM owner")
+    if found != owner:
+        raise StoreError(f"{db.path}: the outbox of {found}, not of {owner}")

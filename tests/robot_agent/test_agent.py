@@ -146,11 +146,12 @@ def test_acknowledgements_of_one_step_are_merged(agent: Agent) -> None:
     assert {refusal.seq for refusal in settled.refused} == {3, 7}
 
 
-def test_refusals_told_late_are_passed_on(agent: Agent) -> None:
+def test_refusals_told_late_are_passed_on_once(agent: Agent) -> None:
     agent.step(Inputs(parcels=parcels(range(10))), now_ns=0)
     agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=9)]), now_ns=1)
     answer = Ack(session=SESSION, contiguous=9, refused=(Refusal(seq=3, reason="x"),))
     assert agent.step(Inputs(acks=[answer]), now_ns=2).settle == [answer]
+    assert agent.step(Inputs(acks=[answer]), now_ns=3).settle == []
 
 
 def test_silence_leads_to_a_question_and_only_its_answer_to_repetition(agent: Agent) -> None:

@@ -1,0 +1,13 @@
+"""`robot-agent`: one process per robot. Heavy imports happen inside commands."""
+
+import click
+
+from robot_agent.cli.run import run
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Measure where tags are and have it settled by the map service."""
+
+
+main.add_command(run)

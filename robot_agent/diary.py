@@ -1,0 +1,69 @@
+"""What the agent's log says: one event per change or decision, not one per turn."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import structlog
+
+from tagmap.records import Ack
+
+HOPE_S = 2.0
+
+
+class Diary:
+    """Tells changes once. `started_s` and `now_s` are of the same monotonic clock."""
+
+    def __init__(self, robot: str, started_s: float) -> None:
+        self._log: Any = structlog.get_logger().bind(robot=robot)
+        self._started_s = started_s
+        self._connected: bool | None = None
+        self._silent = False
+        self._malformed = 0
+
+    def begins(self, **facts: object) -> None:
+        self._log.info("agent started", **facts)
+
+    def ends(self, **facts: object) -> None:
+        self._log.info("agent ends", **facts)
+
+    def connection(self, connected: bool, now_s: float) -> None:
+        if connected:
+            if self._connected is not True:
+                self._log.info("router connected")
+            self._connected = True
+        elif self._connected:
+            self._log.warning("router lost, waiting for it")
+            self._connected = False
+        elif self._connected is None and now_s - self._started_s > HOPE_S:
+            self._log.warning("no router yet, waiting for it")
+            self._connected = False
+
+    def service(self, silent: bool) -> None:
+        if silent and not self._silent:
+            self._log.warning("the service does not answer, waiting for it")
+        elif self._silent and not silent:
+            self._log.info("the service answers again")
+        self._silent = silent
+
+    def refusals(self, acks: Iterable[Ack]) -> None:
+        """One event per reason, however many keyframes it concerns."""
+        for ack in acks:
+            seqs: dict[str, list[int]] = {}
+            for refusal in ack.refused:
+                seqs.setdefault(refusal.reason, []).append(refusal.seq)
+            for reason, of in seqs.items():
+                self._log.warning(
+                    "refused", session=ack.session, count=len(of), first=min(of), reason=reason
+                )
+
+    def shorn(self, seqs: Sequence[int]) -> None:
+        if seqs:
+            self._log.warning("too large for the wire, sent without sightings", seqs=list(seqs))
+
+    def malformed(self, count: int) -> None:
+        if count > self._malformed:
+            self._log.warning("malformed acknowledgements ignored", count=count)
+        self._malformed = count
+
+    def source_damaged(self, error: Exception) -> None:
+        self._log.error("source damaged, delivering what came before", error=str(error))

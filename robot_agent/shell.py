@@ -1,0 +1,131 @@
+"""The agent as a process: source, outbox, link and clock around `Agent.step`."""
+
+import threading
+import time
+from collections.abc import Sequence
+
+from robot_agent.agent import Agent, Inputs, Outputs
+from robot_agent.diary import Diary
+from robot_agent.flight import Parcel
+from robot_agent.sources import Source
+from robot_agent.uplink import Uplink
+from tagmap.errors import DataError
+from tagmap.records import Ack, Observation
+from tagmap.store.outbox import Outbox
+
+CHUNK = 256
+BACKLOG = 1024
+TURN_S = 0.02
+LAST_WORD_S = 2.0
+
+
+class Shell:
+    """One loop owns everything; it ends when the source is exhausted and all is settled.
+
+    A source that can wait is read at most `BACKLOG` observations ahead of the acknowledgements;
+    one that cannot is always read, router or not, and the outbox grows.
+    """
+
+    def __init__(self, agent: Agent, source: Source, outbox: Outbox, uplink: Uplink, diary: Diary):
+        self._agent = agent
+        self._source = source
+        self._outbox = outbox
+        self._uplink = uplink
+        self._diary = diary
+        self._stop = threading.Event()
+        self.damage: DataError | None = None
+        self._room = 0
+        self._loaded: tuple[str, int] | None = None
+
+    def stop(self) -> None:
+        """End after the turn that is under way; safe in a signal handler."""
+        self._stop.set()
+        self._uplink.wake()
+
+    def run(self) -> None:
+        """With a damaged source, until everything before the damage is settled; see `damage`."""
+        self._start()
+        busy = True
+        while not self._stop.is_set() and not self._is_done():
+            busy = self._turn(0.0 if busy else TURN_S)
+        if not self._stop.is_set():
+            self._hear_last_words()
+
+    def _start(self) -> None:
+        hello = self._agent.hello()
+        self._outbox.start_session(hello.session, hello.payload)
+        self._position = self._outbox.resume(self._source.fingerprint)
+        self._source.seek(self._position)
+        self._pending = self._outbox.counts().pending
+        self._diary.begins(
+            session=hello.session, position=self._position, leftovers=self._pending - 1
+        )
+
+    def _is_done(self) -> bool:
+        return self._source.exhausted and not self._pending
+
+    def _turn(self, wait_s: float) -> bool:
+        """Whether anything happened, so that the next turn should follow at once."""
+        acks = self._uplink.take(wait_s)
+        connected = self._uplink.connected()
+        observations = self._observe()
+        outputs = self._agent.step(
+            Inputs(observations, self._load(), acks, connected), time.monotonic_ns()
+        )
+        self._keep(outputs, len(observations))
+        self._uplink.send(outputs.send)
+        self._uplink.ask(outputs.ask)
+        self._room = outputs.room
+        self._tell(outputs, connected)
+        return bool(acks or observations or outputs.send)
+
+    def _observe(self) -> Sequence[Observation]:
+        if self._source.patient and self._pending >= BACKLOG:
+            return ()
+        try:
+            return self._source.take(CHUNK, time.monotonic_ns())
+        except DataError as error:
+            self._diary.source_damaged(error)
+            self.damage = error
+            return ()
+
+    def _load(self) -> Sequence[Parcel]:
+        if not self._room:
+            return ()
+        rows = self._outbox.unsettled(self._room, after=self._loaded)
+        if rows:
+            session, seq, _ = rows[-1]
+            self._loaded = (session, seq)
+        return [Parcel(*row) for row in rows]
+
+    def _keep(self, outputs: Outputs, observed: int) -> None:
+        if outputs.append:
+            self._position += observed
+            items = [(parcel.seq, parcel.payload) for parcel in outputs.append]
+            self._outbox.append(self._agent.session, items, self._position)
+            self._pending += len(items)
+        for ack in outputs.settle:
+            self._settle(ack)
+
+    def _hear_last_words(self) -> None:
+        """A refusal whose acknowledgement was lost is told again in the answer to a question."""
+        awaited = set(self._agent.sessions())
+        self._uplink.ask(awaited)
+        until_s = time.monotonic() + LAST_WORD_S
+        while awaited and time.monotonic() < until_s and not self._stop.is_set():
+            acks = self._uplink.take(TURN_S)
+            awaited -= {ack.session for ack in acks}
+            outputs = self._agent.step(Inputs(acks=acks), time.monotonic_ns())
+            self._keep(outputs, 0)
+            self._diary.refusals(outputs.settle)
+
+    def _settle(self, ack: Ack) -> None:
+        refused = [(refusal.seq, refusal.reason) for refusal in ack.refused]
+        self._pending -= self._outbox.settle(ack.session, ack.contiguous, refused)
+
+    def _tell(self, outputs: Outputs, connected: bool) -> None:
+        self._diary.connection(connected, time.monotonic())
+        self._diary.service(outputs.silent)
+        self._diary.refusals(outputs.settle)
+        self._diary.shorn(outputs.shorn)
+        self._diary.malformed(self._uplink.malformed)

@@ -1,0 +1,113 @@
+"""The agent's side of the link: opened without holding up the robot, what arrives is queued."""
+
+import threading
+from collections.abc import Callable, Iterable
+from queue import Empty, SimpleQueue
+
+from robot_agent.flight import Parcel
+from tagmap.errors import LinkError, RecordRefused
+from tagmap.link.keys import Keys
+from tagmap.link.session import Link
+from tagmap.records import Ack, decode
+
+ANSWER_S = 1.0
+CLOSE_S = 3.0
+
+OpenLink = Callable[[Callable[[], bool]], Link]
+
+
+class Uplink:
+    """Sends parcels, asks for acknowledgements, collects them.
+
+    A thread of its own opens the link, however long that takes, and puts the questions, which
+    block until they are answered. `open_link` gets a function that tells it to give up.
+    """
+
+    def __init__(self, open_link: OpenLink, keys: Keys, robot: str) -> None:
+        self._open_link = open_link
+        self._keys = keys
+        self._robot = robot
+        self._link: Link | None = None
+        self._failure: LinkError | None = None
+        self._closing = threading.Event()
+        self._arrived: SimpleQueue[bytes | None] = SimpleQueue()
+        self._questions: SimpleQueue[str | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._serve, name="uplink", daemon=True)
+        self.malformed = 0
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def connected(self) -> bool:
+        """Raises LinkError when there can never be a link, for example for a bad certificate."""
+        if self._failure is not None:
+            raise self._failure
+        return self._link is not None and self._link.connected()
+
+    def send(self, parcels: Iterable[Parcel]) -> None:
+        """Nothing is promised: what is not acknowledged was not sent."""
+        if self._link is not None:
+            key = self._keys.keyframes(self._robot)
+            for parcel in parcels:
+                self._link.put(key, parcel.payload)
+
+    def ask(self, sessions: Iterable[str]) -> None:
+        for session in sessions:
+            self._questions.put(session)
+
+    def take(self, wait_s: float) -> list[Ack]:
+        """What arrived; waits up to `wait_s` for the first."""
+        payloads: list[bytes | None] = []
+        try:
+            payloads.append(self._arrived.get(timeout=wait_s) if wait_s > 0.0 else None)
+            while True:
+                payloads.append(self._arrived.get_nowait())
+        except Empty:
+            pass
+        return [ack for payload in payloads if payload and (ack := self._decoded(payload))]
+
+    def wake(self) -> None:
+        """End a waiting `take`; safe in a signal handler."""
+        self._arrived.put(None)
+
+    def close(self) -> None:
+        self._closing.set()
+        self._questions.put(None)
+        self._thread.join(CLOSE_S)
+        if self._link is not None:
+            self._link.close()
+
+    def _serve(self) -> None:
+        try:
+            link = self._open_link(self._closing.is_set)
+            link.subscribe(
+                self._keys.ack(self._robot), lambda _, payload: self._arrived.put(payload)
+            )
+            link.declare_alive(self._keys.alive(self._robot))
+        except LinkError as error:
+            self._failure = error
+            self.wake()
+            return
+        self._link = link
+        self.wake()
+        while (session := self._questions.get()) is not None and not self._closing.is_set():
+            self._put_question(link, session)
+
+    def _put_question(self, link: Link, session: str) -> None:
+        """No answer is no news; the agent asks again."""
+        try:
+            replies = link.get(
+                f"{self._keys.ack(self._robot)}?session={session}", timeout_s=ANSWER_S
+            )
+        except LinkError:
+            return
+        for reply in replies:
+            if reply.payload is not None:
+                self._arrived.put(reply.payload)
+
+    def _decoded(self, payload: bytes) -> Ack | None:
+        try:
+            return decode(Ack, payload)
+        except RecordRefused:
+            self.malformed += 1
+            return None
