@@ -92,7 +92,7 @@ class Sighting(Record, frozen=True, kw_only=True):
     tag: TagId
     id_by: IdentifiedBy
     p_false: Probability
-    lease: int | None = None
+    lease: Annotated[int, Meta(ge=0, le=2**63 - 1)] | None = None
     z: Measurement
     memory: Annotated[bytes, Meta(max_length=MAX_MEMORY_BYTES)] | None = None
 

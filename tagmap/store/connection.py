@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from tagmap.errors import StoreError
 
@@ -21,6 +21,7 @@ _MEANING = {
     sqlite3.SQLITE_NOTADB: "not an SQLite database",
     sqlite3.SQLITE_CORRUPT: "damaged; see tagmap db check",
     sqlite3.SQLITE_READONLY: "not writable",
+    sqlite3.SQLITE_CANTOPEN: "cannot be opened; are the file and its folder writable?",
     sqlite3.SQLITE_BUSY: f"locked by another process for more than {BUSY_TIMEOUT_S:g} s",
 }
 
@@ -31,10 +32,10 @@ class Connection:
     A commit is on the disk when `transaction` returns (synchronous = FULL).
     """
 
-    def __init__(self, path: Path, raw: sqlite3.Connection, lock: int | None = None) -> None:
+    def __init__(self, path: Path, raw: sqlite3.Connection) -> None:
         self.path = path
         self.raw = raw
-        self._lock = lock
+        self.lock: int | None = None
 
     def rows(self, sql: str, values: Values = ()) -> list[Row]:
         with naming(self.path):
@@ -74,9 +75,9 @@ class Connection:
     def close(self) -> None:
         with naming(self.path):
             self.raw.close()
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        if self.lock is not None:
+            os.close(self.lock)
+            self.lock = None
 
 
 @contextmanager
@@ -90,33 +91,12 @@ def naming(path: Path) -> Iterator[None]:
         raise StoreError(f"{path}: a value cannot be stored: {error}") from error
 
 
-def connect_for_reading(path: Path) -> Connection:
-    """Another process may write meanwhile; every query sees the last commit before it."""
-    _check_file(path, must_exist=True)
-    return _connect(path, "ro", None)
+def connect(path: Path, mode: Literal["ro", "rw", "rwc"]) -> Connection:
+    """`ro`: to read, while another process may write; every query sees the last commit before it.
 
-
-def connect_for_writing(path: Path, create: bool) -> Connection:
-    """The only writer: a second one is refused until this one is closed or its process gone."""
-    _check_file(path, must_exist=not create)
-    lock = _lock(path)
-    try:
-        return _connect(path, "rwc" if create else "rw", lock)
-    except BaseException:
-        os.close(lock)
-        raise
-
-
-def keep_a_write_ahead_log(connection: Connection) -> None:
-    """Readers then never wait for the writer, nor it for them. Proves that writing is possible."""
-    mode = connection.scalar("PRAGMA journal_mode = WAL")
-    if mode != "wal":
-        raise StoreError(f"{connection.path}: journal mode {mode}; its file system has no WAL")
-    with connection.transaction():
-        pass
-
-
-def _connect(path: Path, mode: str, lock: int | None) -> Connection:
+    `rw`, `rwc`: to write, see `become_writer`; the latter makes an empty database of no file.
+    """
+    _check_file(path, must_exist=mode != "rwc")
     with naming(path):
         raw = sqlite3.connect(
             f"{path.absolute().as_uri()}?mode={mode}",
@@ -124,7 +104,7 @@ def _connect(path: Path, mode: str, lock: int | None) -> Connection:
             timeout=BUSY_TIMEOUT_S,
             isolation_level=None,
         )
-    connection = Connection(path, raw, lock)
+    connection = Connection(path, raw)
     try:
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("PRAGMA synchronous = FULL")
@@ -133,6 +113,19 @@ def _connect(path: Path, mode: str, lock: int | None) -> Connection:
         raw.close()
         raise
     return connection
+
+
+def become_writer(connection: Connection) -> None:
+    """Refuse a second writer until this connection is closed or its process gone.
+
+    In WAL mode readers never wait for the writer, nor it for them. Proves that writing is possible.
+    """
+    connection.lock = _lock(connection.path)
+    mode = connection.scalar("PRAGMA journal_mode = WAL")
+    if mode != "wal":
+        raise StoreError(f"{connection.path}: journal mode {mode}; its file system has no WAL")
+    with connection.transaction():
+        pass
 
 
 def _check_file(path: Path, must_exist: bool) -> None:
@@ -150,7 +143,7 @@ def _lock(path: Path) -> int:
     try:
         lock = os.open(name, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise StoreError(f"{path}: the folder {path.parent}: {error.strerror}") from error
+        raise StoreError(f"{path}: cannot write in {path.parent}: {error.strerror}") from error
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

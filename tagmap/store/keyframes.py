@@ -13,41 +13,57 @@ PAGE = 1000
 _KEYFRAMES = """
     SELECT keyframes.id, robots.name, sessions.session, seq, t_ns, T_prev_cur, odom_cov, T_base_cam
     FROM keyframes JOIN sessions ON sessions.id = session_id JOIN robots ON robots.id = robot_id
-    WHERE {where} AND NOT EXISTS (SELECT 1 FROM refusals
-        WHERE refusals.session_id = keyframes.session_id AND refusals.seq = keyframes.seq)
-    ORDER BY {order} LIMIT {limit}"""
+    WHERE {where} ORDER BY {order} LIMIT {limit}"""
+_NOT_WITHDRAWN = """NOT EXISTS (SELECT 1 FROM refusals
+    WHERE refusals.session_id = keyframes.session_id AND refusals.seq = keyframes.seq)"""
+_BY_ID = _KEYFRAMES.format(where="keyframes.id > ?", order="keyframes.id", limit=PAGE)
+_NEXT = _KEYFRAMES.format(
+    where=f"keyframes.id > ? AND {_NOT_WITHDRAWN}", order="keyframes.id", limit=PAGE
+)
+_OF_SESSION = _KEYFRAMES.format(
+    where=f"robots.name = ? AND sessions.session = ? AND seq >= ? AND {_NOT_WITHDRAWN}",
+    order="seq",
+    limit=PAGE,
+)
 _SIGHTINGS = "SELECT * FROM sightings WHERE keyframe_id IN ({}) ORDER BY keyframe_id, i"
 
 
 def read_all(db: Connection, site: str, after_id: int) -> Iterator[tuple[int, Keyframe]]:
     """In insertion order, a page at a time: no transaction stays open in between."""
-    query = _KEYFRAMES.format(where="keyframes.id > ?", order="keyframes.id", limit=PAGE)
-    while page := _assemble(db, site, query, [after_id]):
-        yield from page
-        after_id = page[-1][0]
+    while page := _page(db, _NEXT, [after_id]):
+        for row, sightings in page:
+            yield row[0], keyframe_of(db, site, row, sightings)
+        after_id = page[-1][0][0]
 
 
 def read_session(
     db: Connection, site: str, robot: str, session: str, from_seq: int
 ) -> Iterator[Keyframe]:
     """In the order of seq."""
-    where = "robots.name = ? AND sessions.session = ? AND seq >= ?"
-    query = _KEYFRAMES.format(where=where, order="seq", limit=PAGE)
-    while page := _assemble(db, site, query, [robot, session, from_seq]):
-        yield from (keyframe for _, keyframe in page)
-        from_seq = page[-1][1].seq + 1
+    while page := _page(db, _OF_SESSION, [robot, session, from_seq]):
+        for row, sightings in page:
+            keyframe = keyframe_of(db, site, row, sightings)
+            from_seq = keyframe.seq + 1
+            yield keyframe
 
 
-def _assemble(db: Connection, site: str, query: str, values: Values) -> list[tuple[int, Keyframe]]:
+def stored_rows(db: Connection) -> Iterator[tuple[Row, list[Row]]]:
+    """Every keyframe as it is stored, withdrawn or not, with its sightings."""
+    after_id = 0
+    while page := _page(db, _BY_ID, [after_id]):
+        yield from page
+        after_id = page[-1][0][0]
+
+
+def _page(db: Connection, query: str, values: Values) -> list[tuple[Row, list[Row]]]:
     rows = db.rows(query, values)
-    ids = ", ".join(str(row[0]) for row in rows)
     sightings: dict[int, list[Row]] = defaultdict(list)
-    for row in db.rows(_SIGHTINGS.format(ids)):
+    for row in db.rows(_SIGHTINGS.format(", ".join(str(row[0]) for row in rows))):
         sightings[row[0]].append(row)
-    return [(row[0], _keyframe(db, site, row, sightings[row[0]])) for row in rows]
+    return [(row, sightings[row[0]]) for row in rows]
 
 
-def _keyframe(db: Connection, site: str, row: Row, sightings: list[Row]) -> Keyframe:
+def keyframe_of(db: Connection, site: str, row: Row, sightings: list[Row]) -> Keyframe:
     """StoreError when what was stored is no longer a valid keyframe."""
     id_, robot, session, seq, t_ns, T_prev_cur, odom_cov, T_base_cam = row
     try:

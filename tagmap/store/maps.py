@@ -69,6 +69,11 @@ def read_latest(db: Connection) -> MapVersion | None:
     return None if row is None else _version(row)
 
 
+def read_version(db: Connection, version: int) -> MapVersion:
+    """Of a version that exists."""
+    return _version(db.rows(f"{_VERSIONS} WHERE version = ?", [version])[0])
+
+
 def read_summary(db: Connection, version: int) -> dict[str, Any] | None:
     row = db.row("SELECT summary FROM map_versions WHERE version = ?", [version])
     return None if row is None else msgspec.json.decode(row[0], type=dict[str, Any])
@@ -95,6 +100,11 @@ def read_poses(db: Connection) -> list[SessionPoses]:
     runs = map(_poses, db.rows(f"{_POSES} ORDER BY session_id, first_t_ns"))
     by_session = groupby(runs, key=lambda run: (run.robot, run.session))
     return [_joined(list(session)) for _, session in by_session]
+
+
+def read_run(db: Connection, rowid: int) -> SessionPoses:
+    """One stored run of poses."""
+    return _poses(db.rows(f"{_POSES} WHERE keyframe_poses.rowid = ?", [rowid])[0])
 
 
 def read_trajectory(db: Connection, robot: str) -> Iterator[PoseRow]:

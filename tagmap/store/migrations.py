@@ -5,10 +5,11 @@ A released migration is never changed: what comes next is appended. sqlite-utils
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from tagmap.errors import StoreError
-from tagmap.store.connection import Connection, naming
+from tagmap.store.connection import Connection, become_writer, connect, naming
 
 if TYPE_CHECKING:
     from sqlite_utils import Database
@@ -32,6 +33,30 @@ class Schema:
     @property
     def steps(self) -> list[str]:
         return [migration.__name__ for migration in self.migrations]
+
+
+def open_for_writing(path: Path, schema: Schema, create: bool) -> Connection:
+    """With the newest schema; StoreError when the file is something else or somebody writes it."""
+    connection = connect(path, "rwc" if create else "rw")
+    try:
+        applied(connection, schema)
+        become_writer(connection)
+        migrate(connection, schema)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def open_for_reading(path: Path, schema: Schema) -> Connection:
+    """StoreError unless its schema is the newest: a reader cannot migrate."""
+    connection = connect(path, "ro")
+    try:
+        require_newest(connection, schema)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
 
 
 def applied(connection: Connection, schema: Schema) -> list[str]:
@@ -69,6 +94,16 @@ def migrate(connection: Connection, schema: Schema) -> None:
         steps.apply(Database(connection.raw, execute_plugins=False))
 
 
+def require_newest(connection: Connection, schema: Schema) -> None:
+    names = applied(connection, schema)
+    if names != schema.steps:
+        missing = ", ".join(schema.steps[len(names) :])
+        raise StoreError(
+            f"{connection.path}: older than this version of tagmap (lacks {missing}); "
+            "opening it once for writing brings it up to date"
+        )
+
+
 def objects(schema: Schema) -> dict[str, str]:
     """The definitions of all tables, indices and triggers of a database fresh from `schema`."""
     from sqlite_utils import Database
@@ -79,17 +114,6 @@ def objects(schema: Schema) -> dict[str, str]:
     rows = db.execute("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
     db.close()
     return dict(rows)
-
-
-def require_newest(connection: Connection, schema: Schema) -> None:
-    """For readers, who cannot migrate."""
-    names = applied(connection, schema)
-    if names != schema.steps:
-        missing = ", ".join(schema.steps[len(names) :])
-        raise StoreError(
-            f"{connection.path}: older than this version of tagmap (lacks {missing}); "
-            "opening it once for writing brings it up to date"
-        )
 
 
 def _append_only(db: "Database", *tables: str) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Self
 
 from tagmap.errors import StoreError
-from tagmap.store.connection import Connection, Row, connect_for_writing, keep_a_write_ahead_log
-from tagmap.store.migrations import OUTBOX, applied, migrate
+from tagmap.store.connection import Connection, Row
+from tagmap.store.migrations import OUTBOX, open_for_writing
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +53,8 @@ class Outbox:
 
         The first `owner` named is kept; another one is refused.
         """
-        db = connect_for_writing(path, create=True)
+        db = open_for_writing(path, OUTBOX, create=True)
         try:
-            applied(db, OUTBOX)
-            keep_a_write_ahead_log(db)
-            migrate(db, OUTBOX)
             if owner is not None:
                 _claim(db, owner)
         except BaseException:

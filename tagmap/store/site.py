@@ -9,16 +9,10 @@ from tagmap.records import Hello, Keyframe, MapVersion, Tag, decode
 from tagmap.store import keyframes, maps
 from tagmap.store.batch import Batch, Inserted, RefusalRow, Survey
 from tagmap.store.blobs import unpack
-from tagmap.store.connection import (
-    Connection,
-    connect_for_reading,
-    connect_for_writing,
-    keep_a_write_ahead_log,
-)
+from tagmap.store.connection import Connection
 from tagmap.store.ingest import insert_batch
-from tagmap.store.migrations import SITE, applied, migrate, require_newest
+from tagmap.store.migrations import SITE, open_for_reading, open_for_writing
 from tagmap.store.rows import Counts, PoseRow, RobotRow, SessionPoses, SessionRow
-
 
 _ROBOTS = """
     SELECT name, number, count(sessions.id),
@@ -48,14 +42,12 @@ class SiteStore:
         one is migrated.
         """
         if read_only:
-            db = connect_for_reading(path)
+            db = open_for_reading(path, SITE)
         else:
-            db = connect_for_writing(path, create=site is not None)
+            db = open_for_writing(path, SITE, create=site is not None)
         try:
-            if read_only:
-                require_newest(db, SITE)
-            else:
-                _prepare(db, site)
+            if site is not None and not read_only:
+                db.execute("INSERT INTO site VALUES (1, ?) ON CONFLICT DO NOTHING", [site])
             return cls(db, _site_of(db, site))
         except BaseException:
             db.close()
@@ -198,14 +190,6 @@ class SiteStore:
             return None if payload is None else decode(Hello, payload)
         except RecordRefused as error:
             raise StoreError(f"{self.path}: hello of {robot} {session}: {error}") from error
-
-
-def _prepare(db: Connection, site: str | None) -> None:
-    applied(db, SITE)
-    keep_a_write_ahead_log(db)
-    migrate(db, SITE)
-    if site is not None:
-        db.execute("INSERT INTO site VALUES (1, ?) ON CONFLICT DO NOTHING", [site])
 
 
 def _site_of(db: Connection, wanted: str | None) -> str:
