@@ -1,0 +1,1 @@
+"""Everything that touches Zenoh: keys, sessions, routers. Import the files, not this page."""

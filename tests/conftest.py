@@ -1,0 +1,46 @@
+"""What tests of running processes share: free ports, routers, and waiting without guessing."""
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from tagmap.link.router import RouterProcess
+
+PATIENCE_S = 20.0
+
+
+@pytest.fixture
+def free_port() -> int:
+    """A TCP port on loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def endpoint(free_port: int) -> str:
+    """The Zenoh endpoint of `free_port`."""
+    return f"tcp/127.0.0.1:{free_port}"
+
+
+@pytest.fixture
+def router(endpoint: str) -> Iterator[RouterProcess]:
+    """A plain router process listening at `endpoint`."""
+    with RouterProcess(endpoint) as process:
+        yield process
+
+
+@pytest.fixture
+def eventually() -> Callable[[Callable[[], bool]], None]:
+    """`eventually(condition)`: fail unless it becomes true; returns as soon as it does."""
+
+    def wait(condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < deadline, "did not become true"
+            time.sleep(0.01)
+
+    return wait
