@@ -26,22 +26,25 @@ IDENTITY = Transform(p_m=(0.0, 0.0), theta_rad=0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class MrclamNoise:
+class MrclamCalibration:
     """Calibration of the robots' sensors, the same for all data sets of the family.
 
     range_sigma_m, bearing_sigma_rad  one sighting
     range_scale_sigma                 how well the common scale of all ranges is known
+    latency_s                         wheels follow a command so long after its time stamp; measured
+                                      from the turning of bearings, 0.20-0.25 s with every robot
     """
 
     range_sigma_m: float = 0.12
     bearing_sigma_rad: float = 0.010
     range_scale_sigma: float = 0.02
+    latency_s: float = 0.2
     odometry: PlanarOdometryNoise = field(default_factory=PlanarOdometryNoise)
 
 
-def read(path: Path, noise: MrclamNoise | None = None) -> Recording:
+def read(path: Path, calibration: MrclamCalibration | None = None) -> Recording:
     """Every robot that has measurements. Raises DataError when none has, or a file is malformed."""
-    noise = noise or MrclamNoise()
+    calibration = calibration or MrclamCalibration()
     tables = open_tables(path)
     subjects = _subjects(tables)
     notes: list[str] = []
@@ -53,7 +56,7 @@ def read(path: Path, noise: MrclamNoise | None = None) -> Recording:
             continue
         seen = _landmarks_seen(measurements, subjects, f"robot {number}", notes)
         if len(seen.t_ns):
-            robots.append(_robot(tables, number, seen, noise, notes))
+            robots.append(_robot(tables, number, seen, calibration, notes))
     if not robots:
         raise DataError(f"{path}: no RobotN_Measurement.dat with landmark sightings")
     return Recording("mrclam", "planar", robots, notes)
@@ -102,26 +105,28 @@ def nanoseconds(t_s: Array) -> Index:
 
 
 def _robot(
-    tables: Tables, number: int, seen: _Seen, noise: MrclamNoise, notes: list[str]
+    tables: Tables, number: int, seen: _Seen, calibration: MrclamCalibration, notes: list[str]
 ) -> RobotRecording:
     t_ns, first = np.unique(seen.t_ns, return_index=True)
-    odometry = _odometry(tables, number, t_ns, noise.odometry, notes)
+    odometry = _odometry(tables, number, t_ns, calibration, notes)
     bounds = [*first.tolist(), len(seen.t_ns)]
     observations = [
         Observation(
             t_ns=int(t_ns[k]),
             odom=odometry[k],
             T_base_cam=IDENTITY,
-            sightings=_sightings(seen, slice(bounds[k], bounds[k + 1]), noise),
+            sightings=_sightings(seen, slice(bounds[k], bounds[k + 1]), calibration),
         )
         for k in range(len(t_ns))
     ]
-    introduction = Introduction(kind="planar", rig=None, range_scale_sigma=noise.range_scale_sigma)
+    introduction = Introduction(
+        kind="planar", rig=None, range_scale_sigma=calibration.range_scale_sigma
+    )
     return RobotRecording(f"r{number}", number, introduction, observations)
 
 
 def _odometry(
-    tables: Tables, number: int, t_ns: Index, noise: PlanarOdometryNoise, notes: list[str]
+    tables: Tables, number: int, t_ns: Index, calibration: MrclamCalibration, notes: list[str]
 ) -> list[Odometry | None]:
     """The step to each of `t_ns`; null for the first and wherever the commands say nothing."""
     table = tables.read(f"Robot{number}_Odometry.dat", 3)
@@ -129,7 +134,8 @@ def _odometry(
         notes.append(f"robot {number}: no odometry, its keyframes stand alone")
         return [None] * len(t_ns)
     table = table[np.argsort(table[:, 0], kind="stable")]
-    moved = steps(Commands(nanoseconds(table[:, 0]), table[:, 1], table[:, 2]), t_ns, noise)
+    effective_ns = nanoseconds(table[:, 0] + calibration.latency_s)
+    moved = steps(Commands(effective_ns, table[:, 1], table[:, 2]), t_ns, calibration.odometry)
     if not moved.known.all():
         notes.append(f"robot {number}: {int((~moved.known).sum())} steps without odometry")
     return [None] + [
@@ -138,8 +144,8 @@ def _odometry(
     ]
 
 
-def _sightings(seen: _Seen, rows: slice, noise: MrclamNoise) -> tuple[Sighting, ...]:
-    cov = (noise.range_sigma_m**2, 0.0, noise.bearing_sigma_rad**2)
+def _sightings(seen: _Seen, rows: slice, calibration: MrclamCalibration) -> tuple[Sighting, ...]:
+    cov = (calibration.range_sigma_m**2, 0.0, calibration.bearing_sigma_rad**2)
     return tuple(
         Sighting(
             tag=str(subject),

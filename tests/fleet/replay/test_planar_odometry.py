@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fleet.replay.planar_odometry import Commands, PlanarOdometryNoise, steps
 from tagmap.geometry import se2
 
+WALK = PlanarOdometryNoise(v_scale_sigma=0.0, w_scale_sigma=0.0)
 S = 1_000_000_000
 
 
@@ -24,9 +27,9 @@ def test_arc_is_exact():
 
 def test_steps_compose_to_the_whole():
     rng = np.random.default_rng(3)
+    noise = replace(WALK, floor_m=0.0, floor_rad=0.0)
     drive = commands(np.sort(rng.uniform(0, 10, 200)).tolist(), *rng.normal(size=(2, 200)).tolist())
     t_ns = drive.t_ns[::7]
-    noise = PlanarOdometryNoise(floor_m=0.0, floor_rad=0.0)
     parts, whole = steps(drive, t_ns, noise), steps(drive, t_ns[[0, -1]], noise)
     T = np.eye(3)
     cov = np.zeros((3, 3))
@@ -40,7 +43,7 @@ def test_steps_compose_to_the_whole():
 
 def test_covariance_agrees_with_monte_carlo():
     """Straight for 4 s in 400 arcs; heading noise turns into lateral noise at the end."""
-    noise = PlanarOdometryNoise(floor_m=0.0, floor_rad=0.0)
+    noise = replace(WALK, floor_m=0.0, floor_rad=0.0)
     n, runs = 400, 4000
     moved = steps(
         commands([0.01 * k for k in range(n)], [0.1] * n, [0.0] * n), np.array([0, 4 * S]), noise
@@ -57,7 +60,7 @@ def test_covariance_agrees_with_monte_carlo():
 
 
 def test_standing_still_is_nearly_certain():
-    noise = PlanarOdometryNoise()
+    noise = WALK
     drive = commands([0.0, 1.0], [0.1, 0.0], [0.0, 0.0])
     cov = steps(drive, np.array([0, S, 2 * S]), noise).cov
     assert cov[1, 2, 2] < 0.1 * cov[0, 2, 2]
@@ -74,3 +77,23 @@ def test_before_the_first_command_the_robot_stands():
     drive = commands([1.0], [1.0], [0.0])
     moved = steps(drive, np.array([0, 2 * S]), PlanarOdometryNoise())
     np.testing.assert_allclose(moved.T_prev_cur[0, :2, 2], [1.0, 0.0], atol=1e-12)
+
+
+def test_scale_errors_are_those_of_a_drive_at_another_scale():
+    """A winding drive, commanded 1 % faster and turning 1 % more, to first order."""
+    rng = np.random.default_rng(8)
+    v, w = rng.uniform(0.05, 0.15, 100), rng.uniform(-0.5, 0.5, 100)
+    t_s, t_ns = (0.1 * np.arange(100)).tolist(), np.array([0, 10 * S])
+    none = PlanarOdometryNoise(0.0, 0.0, 0.0, floor_m=0.0, floor_rad=0.0)
+    stated = steps(
+        commands(t_s, v.tolist(), w.tolist()),
+        t_ns,
+        replace(none, v_scale_sigma=0.01, w_scale_sigma=0.01),
+    )
+    cov = np.zeros((3, 3))
+    for v_scale, w_scale in ((1.01, 1.0), (1.0, 1.01)):
+        drive = commands(t_s, (v_scale * v).tolist(), (w_scale * w).tolist())
+        T = steps(drive, t_ns, none).T_prev_cur[0]
+        delta = se2.log(se2.inverse(stated.T_prev_cur[0]) @ T)
+        cov += np.outer(delta, delta)
+    np.testing.assert_allclose(stated.cov[0], cov, rtol=0.05, atol=1e-7)
