@@ -2,7 +2,8 @@
 
 The verdict depends on what is known about the site and the session, not on the order in which
 keyframes arrive. A keyframe may come before its hello; a session whose hello is refused is refused
-as a whole, until it sends a hello that is acceptable.
+as a whole, until it sends a hello that is acceptable. Likewise a refused keyframe is settled, but
+a valid one in its place is still stored: a spoilt copy never costs the original.
 """
 
 import re
@@ -40,7 +41,10 @@ class Ingest:
         ledger.counters.received += 1
         address = _valid_address(arrival.payload)
         try:
-            if address is not None and address.seq == 0:
+            if address is None:
+                decode(Keyframe, arrival.payload)
+                raise RecordRefused("malformed: no valid session and seq")
+            if address.seq == 0:
                 self._take_hello(ledger, decode(Hello, arrival.payload), draft)
             else:
                 self._take_keyframe(ledger, decode(Keyframe, arrival.payload), draft)
@@ -83,7 +87,7 @@ class Ingest:
         draft.hellos.append(hello)
         draft.touch(ledger.robot, hello.session, [0])
         draft.note("hello accepted", robot=ledger.robot, session=hello.session, kind=hello.kind)
-        self._judge_early(ledger, index, hello, draft)
+        self._judge_early(ledger, index, draft)
 
     def _take_keyframe(self, ledger: RobotLedger, keyframe: Keyframe, draft: Draft) -> None:
         self._check_names(ledger, keyframe)
@@ -115,14 +119,15 @@ class Ingest:
         if ledger.number is not None and ledger.number != hello.number:
             raise RecordRefused(f"number {hello.number}, this robot has number {ledger.number}")
 
-    def _judge_early(
-        self, ledger: RobotLedger, index: SessionIndex, hello: Hello, draft: Draft
-    ) -> None:
-        """Keyframes that came before their hello are stored; now they can be judged."""
-        for keyframe in list(index.recent.values()):
-            reason = objection(hello, keyframe)
+    def _judge_early(self, ledger: RobotLedger, index: SessionIndex, draft: Draft) -> None:
+        """Keyframes that came before their hello are stored already; some may be of no use."""
+        assert index.hello is not None
+        for keyframe in index.recent.values():
+            reason = objection(index.hello, keyframe)
             if reason is not None:
-                self._settle_refused(ledger, index, keyframe.seq, reason, draft)
+                ledger.counters.unusable += 1
+                place = {"session": index.session, "seq": keyframe.seq}
+                draft.note("unusable", robot=ledger.robot, reason=reason, **place)
 
     def _refuse(self, ledger: RobotLedger, address: Address, reason: str, draft: Draft) -> None:
         index = ledger.session(address.session)
@@ -136,16 +141,12 @@ class Ingest:
             return
         if address.seq == 0:
             index.refused = reason
-        self._settle_refused(ledger, index, address.seq, reason, draft)
-
-    def _settle_refused(
-        self, ledger: RobotLedger, index: SessionIndex, seq: int, reason: str, draft: Draft
-    ) -> None:
-        if index.refusals.get(seq) != reason:
-            index.refuse(seq, reason)
-            draft.refused.append(Refused(ledger.robot, index.session, seq, reason))
-            draft.note("refused", robot=ledger.robot, session=index.session, seq=seq, reason=reason)
-        draft.touch(ledger.robot, index.session, [seq])
+        draft.touch(ledger.robot, index.session, [address.seq])
+        if index.refusals.get(address.seq) != reason:
+            index.refuse(address.seq, reason)
+            draft.refused.append(Refused(ledger.robot, index.session, address.seq, reason))
+            place = {"session": index.session, "seq": address.seq}
+            draft.note("refused", robot=ledger.robot, reason=reason, **place)
 
     def _count_duplicate(
         self, ledger: RobotLedger, index: SessionIndex, seq: int, contradicts: bool, draft: Draft

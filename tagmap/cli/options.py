@@ -1,0 +1,52 @@
+"""Options that the client commands share."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Which service to ask, and how to show the answer."""
+
+    site: str
+    connect: tuple[str, ...]
+    zenoh_config: Path | None
+    as_json: bool
+
+
+def client(function: Callable[..., None]) -> Callable[..., None]:
+    """Give a command --connect, --zenoh-config, --site and --json as one `target`."""
+
+    @click.option(
+        "--connect",
+        multiple=True,
+        metavar="ENDPOINT",
+        help=f"Router to connect to; repeatable. [default: {ENDPOINT}]",
+    )
+    @click.option(
+        "--zenoh-config",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Zenoh configuration, for TLS and access control.",
+    )
+    @click.option("--site", default="site", show_default=True, help="Name of the site.")
+    @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+    @wraps(function)
+    def command(
+        connect: tuple[str, ...],
+        zenoh_config: Path | None,
+        site: str,
+        as_json: bool,
+        **rest: Any,
+    ) -> None:
+        endpoints = connect if connect or zenoh_config else (ENDPOINT,)
+        function(target=Target(site, endpoints, zenoh_config, as_json), **rest)
+
+    return command

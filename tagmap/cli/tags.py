@@ -1,0 +1,72 @@
+"""`tagmap tags`: the mapped tags, and positions that people measured."""
+
+from typing import Any
+
+import click
+
+from tagmap.cli.ask import ask
+from tagmap.cli.options import Target, client
+from tagmap.cli.show import position, show_facts, show_json, show_table
+
+COLUMNS = [
+    "tag", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m", "state", "n",
+]  # fmt: skip
+
+
+@click.group()
+def tags() -> None:
+    """The tags of the map."""
+
+
+@tags.command("list")
+@click.option("--state", help="Only tags in this state: mapped, surveyed, withheld.")
+@click.option("--bbox", metavar="X0,Y0,X1,Y1", help="Only tags inside this rectangle, in m.")
+@click.option("--version", type=int, help="Of this map version. [default: the newest]")
+@client
+def list_(target: Target, state: str | None, bbox: str | None, version: int | None) -> None:
+    """List tags with their positions and standard deviations."""
+    data = ask(target, "tags", "list", state=state, bbox=bbox, version=version)
+    if target.as_json:
+        show_json(data)
+        return
+    number = data["version"] if data["version"] is not None else "none yet"
+    title = f"map version {number}, {data['gauge']}: {len(data['tags'])} tags"
+    show_table(title, COLUMNS, map(_row, data["tags"]))
+
+
+@tags.command()
+@click.argument("tag")
+@client
+def show(target: Target, tag: str) -> None:
+    """Show one tag, and its survey if there is one."""
+    data = ask(target, "tags", "show", tag=tag)
+    if target.as_json:
+        show_json(data)
+    else:
+        show_facts(data)
+
+
+@tags.command(context_settings={"ignore_unknown_options": True})
+@click.argument("tag")
+@click.argument("x", type=float)
+@click.argument("y", type=float)
+@click.argument("z", type=float)
+@click.option("--sigma-m", type=float, required=True, help="Standard deviation per axis, in m.")
+@client
+def survey(target: Target, tag: str, x: float, y: float, z: float, sigma_m: float) -> None:
+    """Tell where TAG is: X Y Z in m, measured by other means.
+
+    Three or more surveyed tags anchor the map (two in the plane). A planar site ignores Z; give 0.
+    """
+    data = ask(target, "tags", "survey", tag=tag, x_m=x, y_m=y, z_m=z, sigma_m=sigma_m)
+    if target.as_json:
+        show_json(data)
+    else:
+        click.echo(f"{tag} surveyed; {data['surveyed']} surveyed tags; the map will follow")
+
+
+def _row(tag: dict[str, Any]) -> list[Any]:
+    from tagmap.exchange.tags_csv import sigmas
+
+    sigma_m = position(sigmas(tag["cov"]) if tag["cov"] else None)
+    return [tag["tag"], *position(tag["p_m"]), *sigma_m, tag["state"], tag["n"]]
