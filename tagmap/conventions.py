@@ -54,9 +54,10 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 Kind: TypeAlias = Literal["spatial", "planar"]
 Form: TypeAlias = Literal["stereo_px", "mono_px", "point_cam_m", "range_bearing"]
 
-NAME = r"^[a-z0-9][a-z0-9_-]{0,31}$"
-TAG_ID = r"^[a-z0-9][a-z0-9_-]{0,127}$"
-SESSION_ID = r"^[a-z0-9][a-z0-9-]{7,35}$"
+# `$` alone would let a trailing newline pass.
+NAME = r"^[a-z0-9][a-z0-9_-]{0,31}$(?!\n)"
+TAG_ID = r"^[a-z0-9][a-z0-9_-]{0,127}$(?!\n)"
+SESSION_ID = r"^[a-z0-9][a-z0-9-]{7,35}$(?!\n)"
 
 POSE_DOF: dict[Kind, int] = {"spatial": 6, "planar": 3}
 TAG_DOF: dict[Kind, int] = {"spatial": 3, "planar": 2}

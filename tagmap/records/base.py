@@ -10,6 +10,9 @@ from msgspec import Meta
 from tagmap.conventions import NAME, SESSION_ID, TAG_ID
 
 VERSION = 1
+# No quantity of a site, in SI or px, is larger; no sigma smaller than 1e-9. Squares stay finite.
+LARGEST = 1e12
+LEAST_VARIANCE = 1e-18
 
 Name: TypeAlias = Annotated[str, Meta(pattern=NAME)]
 TagId: TypeAlias = Annotated[str, Meta(pattern=TAG_ID)]
@@ -18,7 +21,10 @@ RobotNumber: TypeAlias = Annotated[int, Meta(ge=1, le=65535)]
 Seq: TypeAlias = Annotated[int, Meta(ge=0, le=2**53)]
 TimeNs: TypeAlias = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Probability: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
-Vector: TypeAlias = tuple[float, ...]
+Finite: TypeAlias = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
+Positive: TypeAlias = Annotated[float, Meta(gt=0.0, le=LARGEST)]
+NotNegative: TypeAlias = Annotated[float, Meta(ge=0.0, le=LARGEST)]
+Vector: TypeAlias = tuple[Finite, ...]
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,8 +43,8 @@ def check_finite(name: str, values: Sequence[float], lengths: Sequence[int]) -> 
         expected = " or ".join(map(str, lengths))
         raise ValueError(f"{name} has {len(values)} numbers, expected {expected}")
     for value in values:
-        if not math.isfinite(value):
-            raise ValueError(f"{name} holds {value}, expected finite numbers")
+        if not abs(value) <= LARGEST:
+            raise ValueError(f"{name} holds {value}, expected finite numbers up to {LARGEST:g}")
 
 
 def check_covariance(name: str, upper: Sequence[float], size: int) -> None:
@@ -61,7 +67,7 @@ def _is_positive_definite(upper: Sequence[float], n: int) -> bool:
             scale = above[i - k]
             for j in range(n - i):
                 row[j] -= scale * above[i - k + j]
-        if not row[0] > 1e-12 * diagonal or not diagonal > 0.0:
+        if not row[0] > 1e-12 * diagonal or not diagonal >= LEAST_VARIANCE:
             return False
         root = math.sqrt(row[0])
         factor.append([value / root for value in row])

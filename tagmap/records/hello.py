@@ -5,8 +5,16 @@ from typing import Annotated
 from msgspec import Meta
 
 from tagmap.conventions import Kind
-from tagmap.records.base import Message, Name, Record, RobotNumber, SessionId, check_finite
-from tagmap.records.rig import Positive, RigCalibration
+from tagmap.records.base import (
+    Message,
+    Name,
+    Positive,
+    Record,
+    RobotNumber,
+    SessionId,
+    check_finite,
+)
+from tagmap.records.rig import RigCalibration
 
 
 class Limits(Record, frozen=True, kw_only=True):

@@ -2,8 +2,7 @@
 
 from typing import Literal
 
-from tagmap.records.base import Message, Name, TagId
-from tagmap.records.rig import Positive
+from tagmap.records.base import Message, Name, Positive, TagId
 
 
 class WriteJob(Message, frozen=True, kw_only=True):

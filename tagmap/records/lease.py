@@ -1,11 +1,6 @@
 """Activation leases: who may shoot now."""
 
-from typing import Annotated
-
-from msgspec import Meta
-
-from tagmap.records.base import Message, Name
-from tagmap.records.rig import Positive
+from tagmap.records.base import Message, Name, NotNegative, Positive
 
 
 class LeaseRequest(Message, frozen=True, kw_only=True):
@@ -17,5 +12,5 @@ class LeaseReply(Message, frozen=True, kw_only=True):
     """`lease` null: not now, ask again after `retry_s`."""
 
     lease: int | None
-    valid_s: Annotated[float, Meta(ge=0.0)]
-    retry_s: Annotated[float, Meta(ge=0.0)]
+    valid_s: NotNegative
+    retry_s: NotNegative

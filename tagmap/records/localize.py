@@ -5,7 +5,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from tagmap.conventions import Kind
-from tagmap.records.base import Message, Record, TagId, Vector
+from tagmap.records.base import Finite, Message, Record, TagId, Vector
 from tagmap.records.keyframe import MAX_SIGHTINGS, Measurement
 from tagmap.records.pose import Gauge, PoseState
 from tagmap.records.rig import RigCalibration
@@ -33,7 +33,7 @@ class LocalizeReply(Message, frozen=True, kw_only=True):
 
     T_map_base: Transform | None
     cov: Vector | None
-    chi2: float | None
+    chi2: Finite | None
     inliers: tuple[TagId, ...]
     state: PoseState
     gauge: Gauge

@@ -2,7 +2,7 @@
 
 from typing import Literal, TypeAlias
 
-from tagmap.records.base import Message, SessionId, TimeNs, Vector
+from tagmap.records.base import Finite, Message, SessionId, TimeNs, Vector
 from tagmap.records.transform import Transform
 
 Gauge: TypeAlias = Literal["floating", "anchored"]
@@ -27,7 +27,7 @@ class Pose(Message, frozen=True, kw_only=True):
     map_version: int | None
     gauge: Gauge
     state: PoseState
-    dop: float | None
-    protection_level_m: float | None
+    dop: Finite | None
+    protection_level_m: Finite | None
     source: Literal["service", "agent"]
     t_ns: TimeNs

@@ -4,10 +4,8 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from tagmap.records.base import Record, Vector, check_finite
+from tagmap.records.base import Finite, Positive, Record, Vector, check_finite
 from tagmap.records.transform import Transform
-
-Positive = Annotated[float, Meta(gt=0.0)]
 
 
 class CameraCalibration(Record, frozen=True, kw_only=True):
@@ -17,8 +15,8 @@ class CameraCalibration(Record, frozen=True, kw_only=True):
     height_px: Annotated[int, Meta(gt=0)]
     fx_px: Positive
     fy_px: Positive
-    cx_px: float
-    cy_px: float
+    cx_px: Finite
+    cy_px: Finite
     dist: Vector = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -36,7 +34,7 @@ class RigCalibration(Record, frozen=True, kw_only=True):
     sigma_px: Positive
     made: str = ""
     by: str = ""
-    rms_px: float | None = None
+    rms_px: Finite | None = None
 
     def __post_init__(self) -> None:
         if self.T_right_left.kind != "spatial":
