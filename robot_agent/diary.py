@@ -7,15 +7,12 @@ import structlog
 
 from tagmap.records import Ack
 
-HOPE_S = 2.0
-
 
 class Diary:
-    """Tells changes once. `started_s` and `now_s` are of the same monotonic clock."""
+    """Tells changes once."""
 
-    def __init__(self, robot: str, started_s: float) -> None:
+    def __init__(self, robot: str) -> None:
         self._log: Any = structlog.get_logger().bind(robot=robot)
-        self._started_s = started_s
         self._connected: bool | None = None
         self._silent = False
         self._malformed = 0
@@ -26,16 +23,16 @@ class Diary:
     def ends(self, **facts: object) -> None:
         self._log.info("agent ends", **facts)
 
-    def connection(self, connected: bool, now_s: float) -> None:
-        if connected:
-            if self._connected is not True:
-                self._log.info("router connected")
+    def connection(self, connected: bool, trouble: str | None) -> None:
+        """`trouble`: why there was no connection so far."""
+        if connected and not self._connected:
+            self._log.info("router connected")
             self._connected = True
-        elif self._connected:
+        elif self._connected and not connected:
             self._log.warning("router lost, waiting for it")
             self._connected = False
-        elif self._connected is None and now_s - self._started_s > HOPE_S:
-            self._log.warning("no router yet, waiting for it")
+        elif self._connected is None and trouble is not None:
+            self._log.warning("waiting for a router", reason=trouble)
             self._connected = False
 
     def service(self, silent: bool) -> None:

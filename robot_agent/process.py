@@ -3,7 +3,7 @@
 import secrets
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +12,8 @@ from robot_agent.diary import Diary
 from robot_agent.shell import Shell
 from robot_agent.sources.journal import JournalSource
 from robot_agent.summary import Summary, summarise
-from robot_agent.uplink import Uplink
+from robot_agent.uplink import Route, Uplink
 from tagmap.link.keys import Keys
-from tagmap.link.session import Link
 from tagmap.store.outbox import Outbox
 
 
@@ -26,8 +25,7 @@ class Setup:
     robot: str
     number: int
     site: str
-    endpoints: Sequence[str]
-    zenoh_config: Path | None
+    route: Route
     outbox: Path
     speed: float | None
 
@@ -41,8 +39,8 @@ def run_process(setup: Setup, report: Callable[[Summary], None]) -> None:
     source = JournalSource(setup.source, setup.speed)
     identity = Identity(setup.site, setup.robot, setup.number, new_session())
     with Outbox.open(setup.outbox, f"{setup.site}/{setup.robot}") as outbox:
-        uplink = Uplink(_opener(setup), Keys(setup.site), setup.robot)
-        diary = Diary(setup.robot, started_s)
+        uplink = Uplink(setup.route, Keys(setup.site), setup.robot)
+        diary = Diary(setup.robot)
         shell = Shell(Agent(identity, source.introduction), source, outbox, uplink, diary)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: shell.stop())
@@ -61,12 +59,3 @@ def run_process(setup: Setup, report: Callable[[Summary], None]) -> None:
 def new_session() -> str:
     """Sortable for people; unique by its random part even on a robot without a clock."""
     return f"{time.strftime('%Y%m%dt%H%M%S', time.gmtime())}-{secrets.token_hex(6)}"
-
-
-def _opener(setup: Setup) -> Callable[[Callable[[], bool]], Link]:
-    def open_link(stopped: Callable[[], bool]) -> Link:
-        return Link.open(
-            setup.endpoints, zenoh_config=setup.zenoh_config, wait_s=None, stopped=stopped
-        )
-
-    return open_link

@@ -124,7 +124,7 @@ class Shell:
         self._pending -= self._outbox.settle(ack.session, ack.contiguous, refused)
 
     def _tell(self, outputs: Outputs, connected: bool) -> None:
-        self._diary.connection(connected, time.monotonic())
+        self._diary.connection(connected, self._uplink.trouble)
         self._diary.service(outputs.silent)
         self._diary.refusals(outputs.settle)
         self._diary.shorn(outputs.shorn)

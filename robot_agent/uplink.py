@@ -1,7 +1,9 @@
 """The agent's side of the link: opened without holding up the robot, what arrives is queued."""
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from queue import Empty, SimpleQueue
 
 from robot_agent.flight import Parcel
@@ -13,18 +15,24 @@ from tagmap.records import Ack, decode
 ANSWER_S = 1.0
 CLOSE_S = 3.0
 
-OpenLink = Callable[[Callable[[], bool]], Link]
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """How to reach a router: endpoints, or a Zenoh configuration, or one with other endpoints."""
+
+    endpoints: Sequence[str]
+    zenoh_config: Path | None
 
 
 class Uplink:
     """Sends parcels, asks for acknowledgements, collects them.
 
     A thread of its own opens the link, however long that takes, and puts the questions, which
-    block until they are answered. `open_link` gets a function that tells it to give up.
+    block until they are answered. `trouble` is why there is no link yet.
     """
 
-    def __init__(self, open_link: OpenLink, keys: Keys, robot: str) -> None:
-        self._open_link = open_link
+    def __init__(self, route: Route, keys: Keys, robot: str) -> None:
+        self._route = route
         self._keys = keys
         self._robot = robot
         self._link: Link | None = None
@@ -33,6 +41,7 @@ class Uplink:
         self._arrived: SimpleQueue[bytes | None] = SimpleQueue()
         self._questions: SimpleQueue[str | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._serve, name="uplink", daemon=True)
+        self.trouble: str | None = None
         self.malformed = 0
 
     def start(self) -> None:
@@ -79,7 +88,7 @@ class Uplink:
 
     def _serve(self) -> None:
         try:
-            link = self._open_link(self._closing.is_set)
+            link = self._open()
             link.subscribe(
                 self._keys.ack(self._robot), lambda _, payload: self._arrived.put(payload)
             )
@@ -92,6 +101,19 @@ class Uplink:
         self.wake()
         while (session := self._questions.get()) is not None and not self._closing.is_set():
             self._put_question(link, session)
+
+    def _open(self) -> Link:
+        return Link.open(
+            self._route.endpoints,
+            zenoh_config=self._route.zenoh_config,
+            wait_s=None,
+            stopped=self._closing.is_set,
+            on_waiting=self._note_trouble,
+        )
+
+    def _note_trouble(self, reason: str) -> None:
+        self.trouble = reason
+        self.wake()
 
     def _put_question(self, link: Link, session: str) -> None:
         """No answer is no news; the agent asks again."""

@@ -71,6 +71,7 @@ def run(
     the same outbox. SIGTERM or Ctrl-C end it early; what is not settled stays in the outbox.
     """
     from robot_agent.process import Setup, run_process
+    from robot_agent.uplink import Route
     from tagmap.logs import log_to
 
     if realtime and speed is not None:
@@ -82,8 +83,7 @@ def run(
         robot=robot,
         number=number,
         site=site,
-        endpoints=connect or (() if zenoh_config else (ROUTER,)),
-        zenoh_config=zenoh_config,
+        route=Route(connect or (() if zenoh_config else (ROUTER,)), zenoh_config),
         outbox=outbox or Path(f"{robot}.outbox.db"),
         speed=1.0 if realtime else speed,
     )

@@ -1,6 +1,5 @@
 """The shell with a real outbox and a real journal; only the link is replaced."""
 
-import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ class WiredUplink:
         self.is_up: Callable[[], bool] = lambda: True
         self.mutes: Callable[[Ack], bool] = lambda _: False
         self.stops: Callable[[], None] = lambda: None
+        self.trouble = None
         self.malformed = 0
         self._acks: list[Ack] = []
 
@@ -64,7 +64,7 @@ class Bench:
 
     def shell(self, outbox: Outbox, source: JournalSource) -> Shell:
         agent = Agent(Identity("site", "r1", 1, new_session()), source.introduction)
-        diary = Diary("r1", time.monotonic())
+        diary = Diary("r1")
         return Shell(agent, source, outbox, self.uplink, diary)  # type: ignore[arg-type]
 
     def run(self, path: Path, stop_when: Callable[[], bool] = lambda: False) -> Summary:
