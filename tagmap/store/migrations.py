@@ -65,9 +65,12 @@ def applied(connection: Connection, schema: Schema) -> list[str]:
     StoreError when it is something else's database or was written by a newer version.
     """
     identity = connection.scalar("PRAGMA application_id")
-    tables = {name for (name,) in connection.rows("SELECT name FROM sqlite_master")}
-    if identity != schema.application_id and any(not name.startswith(RECORD) for name in tables):
-        raise StoreError(f"{connection.path}: an SQLite database, but not a {schema.name} database")
+    query = "SELECT name FROM sqlite_master WHERE type = 'table'"
+    tables = {name for (name,) in connection.rows(query)}
+    if identity != schema.application_id and not tables <= {RECORD}:
+        raise StoreError(
+            f"{connection.path}: an SQLite database, but not a tagmap {schema.name} database"
+        )
     if RECORD not in tables:
         return []
     query = f"SELECT name FROM {RECORD} WHERE migration_set = ? ORDER BY id"
@@ -128,7 +131,8 @@ def _append_only(db: "Database", *tables: str) -> None:
 def observations(db: "Database") -> None:
     """What robots reported and people surveyed: facts.
 
-    Vectors are little-endian float64, a hello is its message. `sessions` keeps count of what is
+    Vectors are little-endian float64, a hello is its message; p_false has no column type, as REAL
+    would not keep every bit (-0.0). `sessions` keeps count of what is
     stored and not withdrawn, so that nobody has to count rows.
     """
     db.execute(f"PRAGMA application_id = {SITE.application_id}")
@@ -170,7 +174,7 @@ def observations(db: "Database") -> None:
             i INTEGER NOT NULL,
             tag TEXT NOT NULL,
             id_by TEXT NOT NULL,
-            p_false REAL NOT NULL,
+            p_false NOT NULL,
             lease INTEGER,
             form TEXT NOT NULL,
             z BLOB NOT NULL,
