@@ -11,13 +11,23 @@ from tagmap.link.router import RouterProcess
 PATIENCE_S = 20.0
 
 
-@pytest.fixture
-def free_port() -> int:
-    """A TCP port on loopback that nobody listens on."""
+def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+@pytest.fixture(scope="session")
+def new_port() -> Callable[[], int]:
+    """`new_port()`: a TCP port on loopback that nobody listens on."""
+    return _free_port
+
+
+@pytest.fixture
+def free_port() -> int:
+    """A TCP port on loopback that nobody listens on."""
+    return _free_port()
 
 
 @pytest.fixture
@@ -33,11 +43,11 @@ def router(endpoint: str) -> Iterator[RouterProcess]:
         yield process
 
 
-@pytest.fixture
-def eventually() -> Callable[[Callable[[], bool]], None]:
+@pytest.fixture(scope="session")
+def eventually() -> Callable[[Callable[[], object]], None]:
     """`eventually(condition)`: fail unless it becomes true; returns as soon as it does."""
 
-    def wait(condition: Callable[[], bool]) -> None:
+    def wait(condition: Callable[[], object]) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while not condition():
             assert time.monotonic() < deadline, "did not become true"

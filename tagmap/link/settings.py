@@ -19,6 +19,22 @@ NO_SCOUTING: Settings = {"multicast": {"enabled": False}, "gossip": {"enabled": 
 RETRY: Settings = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
 
+# A stalled receiver stalls its sender for 0.2 s, then is cut off; the default is 5 s.
+_QUICK_CUT: Settings = {"block": {"wait_before_close": 200_000}}
+# A client waits 10 ms, not 1 ms, for room before it drops: bursts of an outbox then get through.
+_PATIENT_DROP: Settings = {"drop": {"wait_before_drop": 10_000}, **_QUICK_CUT}
+
+# Records are no larger; what is larger stops at the router, not in the service's memory.
+# Only admin questions may be: they carry surveys and maps.
+_SIZE_LIMIT: Settings = {
+    "id": "record-size",
+    "flows": ["ingress"],
+    "messages": ["put", "query"],
+    "key_exprs": ["tagmap/*/agents/**", "tagmap/*/localize", "tagmap/*/activation/**"],
+    "size_limit": MAX_BYTES,
+}
+
+
 def client_settings(endpoints: Sequence[str]) -> Settings:
     """A client of the routers at `endpoints`; it uses one and falls over to the next."""
     return {
@@ -31,13 +47,13 @@ def client_settings(endpoints: Sequence[str]) -> Settings:
         },
         "listen": {"endpoints": []},
         "scouting": NO_SCOUTING,
-        "transport": _transport(),
+        "transport": _transport(_PATIENT_DROP),
     }
 
 
 def router_settings(listen: Sequence[str], connect: Sequence[str] = ()) -> Settings:
     """A router that listens at `listen` and keeps trying the routers at `connect`."""
-    transport = _transport()
+    transport = _transport(_QUICK_CUT)
     transport["unicast"] = {"max_sessions": 5000, "accept_pending": 200}
     return {
         "mode": "router",
@@ -50,30 +66,15 @@ def router_settings(listen: Sequence[str], connect: Sequence[str] = ()) -> Setti
         },
         "scouting": {"delay": 0, **NO_SCOUTING},
         "transport": transport,
-        "low_pass_filter": [_size_limit("keyframes", ["put"], ["tagmap/*/agents/**"])],
+        "low_pass_filter": [_SIZE_LIMIT],
     }
 
 
-def _transport() -> Settings:
+def _transport(congestion: Settings) -> Settings:
     return {
         "shared_memory": {"enabled": False},
-        "link": {"tx": _transmission(), "rx": {"max_message_size": MAX_REPLY_BYTES}},
-    }
-
-
-def _transmission() -> Settings:
-    """One stalled receiver must not stall a sender for the 5 s that are the default: 0.2 s."""
-    return {
-        "lease": LEASE_MS,
-        "queue": {"congestion_control": {"block": {"wait_before_close": 200_000}}},
-    }
-
-
-def _size_limit(name: str, messages: list[str], key_exprs: list[str]) -> Settings:
-    return {
-        "id": name,
-        "flows": ["ingress"],
-        "messages": messages,
-        "key_exprs": key_exprs,
-        "size_limit": MAX_BYTES,
+        "link": {
+            "tx": {"lease": LEASE_MS, "queue": {"congestion_control": congestion}},
+            "rx": {"max_message_size": MAX_REPLY_BYTES},
+        },
     }
