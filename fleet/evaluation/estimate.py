@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from tagmap.conventions import Array, Index, Kind
 
 
@@ -11,6 +13,11 @@ class TagEstimate:
 
     p: Array
     cov: Array | None
+
+    @property
+    def sigma_m(self) -> float | None:
+        """Rms of the deviations along the axes."""
+        return None if self.cov is None else float(np.sqrt(np.trace(self.cov) / len(self.cov)))
 
 
 @dataclass(frozen=True, slots=True)

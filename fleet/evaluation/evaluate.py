@@ -15,14 +15,13 @@ RPE_NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class LandmarkErrors:
-    """Over the `n` landmarks that are both mapped and known; sigma: rms of the axes' deviations."""
+    """Over the `n` landmarks that are both mapped and known."""
 
     n: int = 0
     rmse_m: float | None = None
     max_m: float | None = None
     nees: metrics.Nees | None = None
     error_m: dict[str, float] = field(default_factory=dict)
-    sigma_m: dict[str, float | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +93,6 @@ def _landmark_errors(
     error_m = np.linalg.norm(p - p_true, axis=-1)
     covs = [tags[name].cov for name in names]
     known = [R @ cov @ R.T for cov in covs if cov is not None]
-    sigma_m = [None if c is None else float(np.sqrt(np.trace(c) / dim)) for c in covs]
     complete = len(known) == len(names) and len(names) * dim > dim * (dim + 1) // 2
     return LandmarkErrors(
         n=len(names),
@@ -102,7 +100,6 @@ def _landmark_errors(
         max_m=float(error_m.max()),
         nees=metrics.landmark_nees(p, np.array(known), p_true, aligned) if complete else None,
         error_m=dict(zip(names, error_m.tolist(), strict=True)),
-        sigma_m=dict(zip(names, sigma_m, strict=True)),
     )
 
 

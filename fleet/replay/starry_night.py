@@ -68,13 +68,12 @@ def read(path: Path) -> Recording:
 def load(path: Path, shapes: Shapes) -> dict[str, Array]:
     """The named arrays, float64. A folder stands for the only .mat file in it."""
     file = _mat_file(path)
-    from scipy.io import loadmat
+    return _checked(file, _content(file, list(shapes)), shapes)
 
-    try:
-        content: dict[str, Any] = loadmat(file, variable_names=list(shapes))
-    except Exception as error:  # scipy raises whatever the bytes lead it to
-        raise DataError(f"{file}: not a MATLAB v5 file: {error}") from None
-    return _checked(file, content, shapes)
+
+def variables(path: Path) -> set[str]:
+    """The names of what the file holds."""
+    return set(_content(_mat_file(path), None))
 
 
 def nanoseconds(t_s: Array) -> Index:
@@ -92,6 +91,16 @@ def _mat_file(path: Path) -> Path:
     if len(files) != 1:
         raise DataError(f"{path}: holds {len(files)} .mat files, expected one")
     return files[0]
+
+
+def _content(file: Path, names: list[str] | None) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        content: dict[str, Any] = loadmat(file, variable_names=names)
+    except Exception as error:  # scipy raises whatever the bytes lead it to
+        raise DataError(f"{file}: not a MATLAB v5 file: {error}") from None
+    return content
 
 
 def _checked(file: Path, content: dict[str, Any], shapes: Shapes) -> dict[str, Array]:

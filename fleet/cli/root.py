@@ -1,0 +1,17 @@
+"""All commands of `fleet`."""
+
+import click
+
+from fleet.cli.demo import demo
+from fleet.cli.replay import replay
+from tagmap import __version__
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="fleet")
+def cli() -> None:
+    """Simulated and recorded robots, run through the real programs and judged against truth."""
+
+
+for command in (demo, replay):
+    cli.add_command(command)

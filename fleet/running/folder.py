@@ -1,0 +1,31 @@
+"""Where a run keeps its files."""
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tagmap.errors import TagmapError
+
+
+@contextmanager
+def run_folder(prefix: str, keep: bool) -> Iterator[Path]:
+    """A temporary folder. Afterwards only its database remains, and that only with `keep`.
+
+    When the run fails everything remains, and the error says where the logs are.
+    """
+    folder = Path(tempfile.mkdtemp(prefix=prefix))
+    try:
+        yield folder
+    except TagmapError as error:
+        raise TagmapError(f"{error} (logs in {folder})") from error
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    if not keep:
+        shutil.rmtree(folder, ignore_errors=True)
+        return
+    for file in folder.iterdir():
+        if not file.name.startswith("site.db"):
+            file.unlink()

@@ -1,0 +1,74 @@
+"""How far a run has come: a bar on a terminal, now and then a line elsewhere. On stderr."""
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+
+from tagmap.store import Counts
+
+LINE_EVERY_S = 5.0
+LOOK_EVERY_S = 1.0
+
+
+class Progress:
+    """`count` looks into the database; `tell` takes a line."""
+
+    def __init__(
+        self, total: int, count: Callable[[], Counts | None], tell: Callable[[str], None]
+    ) -> None:
+        self._total = total
+        self._count = count
+        self._tell = tell
+        self._stage = "robots measure"
+        self._looked_s = self._told_s = 0.0
+        console = Console(stderr=True)
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[state]}"),
+            TimeElapsedColumn(),
+        )
+        self._bar = Bar(*columns, console=console) if console.is_terminal else None
+        self._task = self._bar.add_task(self._stage, total=total, state="") if self._bar else None
+
+    def __enter__(self) -> Self:
+        if self._bar:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar:
+            self._bar.stop()
+
+    def stage(self, what: str) -> None:
+        self._stage = what
+        self._looked_s = self._told_s = 0.0
+        self.show()
+
+    def show(self) -> None:
+        """As often as you like."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s < LOOK_EVERY_S or (counts := self._count()) is None:
+            return
+        self._looked_s = now_s
+        state = (
+            f"{counts.keyframes}/{self._total} keyframes, {counts.sightings} sightings, "
+            f"map version {counts.versions}, {counts.tags} tags"
+        )
+        if self._bar and self._task is not None:
+            self._bar.update(
+                self._task, completed=counts.keyframes, description=self._stage, state=state
+            )
+        elif now_s - self._told_s >= LINE_EVERY_S:
+            self._told_s = now_s
+            self._tell(f"{self._stage}: {state}")

@@ -1,0 +1,69 @@
+"""Play a recording through real processes until the final map is there."""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from fleet.replay.recording import Recording, write_journals
+from fleet.running.final_map import solve_finally
+from fleet.running.progress import Progress
+from fleet.running.results import Results, read_results
+from fleet.running.supervisor import PAUSE_S, Agent, SitePlan, Supervisor
+from tagmap.errors import DataError, StoreError
+from tagmap.store import Counts, SiteStore
+
+SITE = "site"
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """`keyframes_sent`: appended to the agents' outboxes; all are settled when a run ends."""
+
+    results: Results
+    keyframes_sent: int
+    wall_s: float
+    db: Path
+
+
+def run_recording(
+    recording: Recording,
+    folder: Path,
+    db: Path,
+    pace: tuple[str, ...],
+    survey: Path | None,
+    tell: Callable[[str], None],
+) -> Run:
+    """One agent per robot of `recording`, at `pace` (arguments of `robot-agent run`).
+
+    `folder` takes journals, outboxes and logs; `db` must be new. Raises TagmapError.
+    """
+    if db.exists() and db.stat().st_size:
+        raise DataError(f"{db}: exists already; a replay starts with an empty database")
+    began_s = time.monotonic()
+    journals = write_journals(recording, folder)
+    agents = [Agent(r.robot, r.number, journals[r.robot], pace) for r in recording.robots]
+    plan = SitePlan(SITE, folder, db.absolute(), agents, survey)
+    total = sum(len(robot.observations) for robot in recording.robots)
+    supervisor = Supervisor(plan, tell)
+    try:
+        supervisor.start()
+        with Progress(total, lambda: _counts(plan.db), tell) as progress:
+            while not supervisor.finished:
+                supervisor.tend()
+                progress.show()
+                time.sleep(PAUSE_S)
+            progress.stage("solving the final map")
+            solve_finally(supervisor, plan.site, progress.show)
+        sent = sum(summary.keyframes for summary in supervisor.summaries())
+    finally:
+        supervisor.stop()
+    return Run(read_results(plan.db, recording.kind), sent, time.monotonic() - began_s, plan.db)
+
+
+def _counts(db: Path) -> Counts | None:
+    """None while there is nothing to count yet."""
+    with suppress(StoreError), SiteStore.open(db, read_only=True) as store:
+        return store.counts()
+    return None
