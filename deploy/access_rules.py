@@ -90,7 +90,7 @@ def _every_agent(keys: Keys) -> list[Allow]:
         Allow("egress", ["put", "reply"], [world]),
         Allow("ingress", ["query"], questions),
         Allow("egress", ["reply"], questions),
-        Allow("egress", ["declare_subscriber"], [f"{keys.agents()}/**"]),
+        Allow("egress", ["declare_subscriber"], [f"{keys.root}/agents/**"]),
         Allow("egress", ["declare_queryable"], [f"{keys.robots()}/**", world, *questions]),
     ]
 
