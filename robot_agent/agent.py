@@ -55,6 +55,7 @@ class Outputs:
     room    how many parcels from the outbox the next step can take
     silent  whether the service leaves questions unanswered
     shorn   seqs in `append` that were too large for the wire with their sightings
+    torn    sessions of which the service lacks what it had acknowledged; they cannot be settled
     """
 
     append: Sequence[Parcel]
@@ -64,6 +65,7 @@ class Outputs:
     room: int
     silent: bool
     shorn: Sequence[int]
+    torn: Sequence[str]
 
 
 class Agent:
@@ -109,6 +111,7 @@ class Agent:
             room=self._room(),
             silent=any(flight.unanswered > 1 for flight in self._flights.values()),
             shorn=shorn,
+            torn=[ack.session for ack in inputs.acks if self._is_torn(ack)],
         )
 
     def _notice_connection(self, connected: bool, now_ns: int) -> None:
@@ -169,6 +172,10 @@ class Agent:
         if ack.session == self.session:
             return min(ack.contiguous, flight.last_sent)
         return ack.contiguous
+
+    def _is_torn(self, ack: Ack) -> bool:
+        flight = self._flights.get(ack.session)
+        return flight is not None and flight.is_gap_before(ack.contiguous)
 
     def _launch(self, parcels: Iterable[Parcel], now_ns: int) -> None:
         for parcel in parcels:

@@ -16,9 +16,16 @@ class Diary:
         self._connected: bool | None = None
         self._silent = False
         self._malformed = 0
+        self._torn: set[str] = set()
 
-    def begins(self, **facts: object) -> None:
-        self._log.info("agent started", **facts)
+    def begins(self, session: str, position: int, leftovers: int) -> None:
+        self._log.info("agent started", session=session, position=position, leftovers=leftovers)
+
+    def nothing_new(self, position: int) -> None:
+        self._log.warning(
+            "this outbox has had the whole source before; with another one it is sent again",
+            position=position,
+        )
 
     def ends(self, **facts: object) -> None:
         self._log.info("agent ends", **facts)
@@ -56,6 +63,14 @@ class Diary:
     def shorn(self, seqs: Sequence[int]) -> None:
         if seqs:
             self._log.warning("too large for the wire, sent without sightings", seqs=list(seqs))
+
+    def torn(self, sessions: Iterable[str]) -> None:
+        for session in set(sessions) - self._torn:
+            self._torn.add(session)
+            self._log.error(
+                "the service lacks what it acknowledged before; was its database replaced?",
+                session=session,
+            )
 
     def malformed(self, count: int) -> None:
         if count > self._malformed:

@@ -61,6 +61,14 @@ class Flight:
             del self.refused[next(iter(self.refused))]
         return fresh
 
+    def is_gap_before(self, contiguous: int) -> bool:
+        """Whether the service now lacks what it acknowledged earlier, which nobody keeps any more.
+
+        Late acknowledgements look the same, so only after it answered several times in vain.
+        """
+        patient = self.patience_ns == LONGEST_PATIENCE_NS
+        return patient and bool(self.parcels) and contiguous < min(self.parcels) - 1
+
     def ask_now(self, now_ns: int) -> None:
         self.ask_at_ns = now_ns
 

@@ -60,6 +60,8 @@ class Shell:
         self._diary.begins(
             session=hello.session, position=self._position, leftovers=self._pending - 1
         )
+        if self._position and self._source.exhausted:
+            self._diary.nothing_new(self._position)
 
     def _is_done(self) -> bool:
         return self._source.exhausted and not self._pending
@@ -128,4 +130,5 @@ class Shell:
         self._diary.service(outputs.silent)
         self._diary.refusals(outputs.settle)
         self._diary.shorn(outputs.shorn)
+        self._diary.torn(outputs.torn)
         self._diary.malformed(self._uplink.malformed)

@@ -10,7 +10,7 @@ from robot_agent.flight import Parcel
 from tagmap.errors import LinkError, RecordRefused
 from tagmap.link.keys import Keys
 from tagmap.link.session import Link
-from tagmap.records import Ack, decode
+from tagmap.records import Ack, decode, encode
 
 ANSWER_S = 1.0
 CLOSE_S = 3.0
@@ -36,6 +36,7 @@ class Uplink:
         self._keys = keys
         self._robot = robot
         self._link: Link | None = None
+        self._listening = False
         self._failure: LinkError | None = None
         self._closing = threading.Event()
         self._arrived: SimpleQueue[bytes | None] = SimpleQueue()
@@ -51,7 +52,7 @@ class Uplink:
         """Raises LinkError when there can never be a link, for example for a bad certificate."""
         if self._failure is not None:
             raise self._failure
-        return self._link is not None and self._link.connected()
+        return self._listening and self._link is not None and self._link.connected()
 
     def send(self, parcels: Iterable[Parcel]) -> None:
         """Nothing is promised: what is not acknowledged was not sent."""
@@ -68,7 +69,7 @@ class Uplink:
         """What arrived; waits up to `wait_s` for the first."""
         payloads: list[bytes | None] = []
         try:
-            payloads.append(self._arrived.get(timeout=wait_s) if wait_s > 0.0 else None)
+            payloads.append(self._arrived.get(block=wait_s > 0.0, timeout=wait_s))
             while True:
                 payloads.append(self._arrived.get_nowait())
         except Empty:
@@ -88,19 +89,19 @@ class Uplink:
 
     def _serve(self) -> None:
         try:
-            link = self._open()
+            self._link = link = self._open()
             link.subscribe(
                 self._keys.ack(self._robot), lambda _, payload: self._arrived.put(payload)
             )
             link.declare_alive(self._keys.alive(self._robot))
-        except LinkError as error:
-            self._failure = error
+            self._listening = True
             self.wake()
-            return
-        self._link = link
-        self.wake()
-        while (session := self._questions.get()) is not None and not self._closing.is_set():
-            self._put_question(link, session)
+            while (session := self._questions.get()) is not None and not self._closing.is_set():
+                self._put_question(link, session)
+        except Exception as error:
+            # Whatever it is, an agent that can no longer hear must not go on as if it could.
+            self._failure = error if isinstance(error, LinkError) else LinkError(f"link: {error}")
+            self.wake()
 
     def _open(self) -> Link:
         return Link.open(
@@ -116,16 +117,14 @@ class Uplink:
         self.wake()
 
     def _put_question(self, link: Link, session: str) -> None:
-        """No answer is no news; the agent asks again."""
-        try:
-            replies = link.get(
-                f"{self._keys.ack(self._robot)}?session={session}", timeout_s=ANSWER_S
-            )
-        except LinkError:
-            return
-        for reply in replies:
+        """No answer is no news, the agent asks again. An error is an answer: somebody is there,
+        who has not heard of the session, or knows no more than that of it."""
+        selector = f"{self._keys.ack(self._robot)}?session={session}"
+        for reply in link.get(selector, timeout_s=ANSWER_S):
             if reply.payload is not None:
                 self._arrived.put(reply.payload)
+            elif reply.error != "Timeout":
+                self._arrived.put(encode(Ack(session=session, contiguous=-1)))
 
     def _decoded(self, payload: bytes) -> Ack | None:
         try:

@@ -210,3 +210,16 @@ def test_each_session_is_asked_about_by_itself(agent: Agent) -> None:
     acks = [Ack(session=EARLIER, contiguous=8)]
     assert sent(agent.step(Inputs(acks=acks), now_ns=PATIENCE_NS + 1)) == []
     assert agent.step(Inputs(), now_ns=2 * PATIENCE_NS).ask == [SESSION]
+
+
+def test_a_service_that_forgot_what_it_acknowledged_is_noticed(agent: Agent) -> None:
+    agent.step(Inputs(parcels=parcels(range(10))), now_ns=0)
+    agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=6)]), now_ns=0)
+    late = agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=3)]), now_ns=0)
+    assert late.torn == []
+    torn = []
+    for s in range(1, 30):
+        outputs = agent.step(Inputs(), now_ns=s * PATIENCE_NS)
+        acks = [Ack(session=session, contiguous=-1) for session in outputs.ask]
+        torn += agent.step(Inputs(acks=acks), now_ns=s * PATIENCE_NS).torn
+    assert set(torn) == {SESSION}

@@ -50,9 +50,13 @@ class AckingService:
             self.queue.append((key, payload))
 
     def answer(self, query: Query) -> None:
-        with self.lock:
-            ack = self.ledger.ack(query.parameters["session"])
-        query.reply(query.key, encode(ack))
+        session = query.parameters["session"]
+        if session in self.ledger.contiguous:
+            with self.lock:
+                ack = self.ledger.ack(session)
+            query.reply(query.key, encode(ack))
+        else:
+            query.reply_error("never heard of")
 
     def work(self) -> None:
         while not self.ended.wait(PAUSE_S):
@@ -214,6 +218,8 @@ def test_a_restarted_service_gets_what_it_had_not_stored(
 ) -> None:
     assert router.poll() is None
     process = commands.run("--source", journal(MANY), "--connect", endpoint)
+    with Link.open([endpoint], wait_s=PATIENCE_S) as link:
+        eventually(lambda: link.alive(Keys("site").alive("r1")) != [])
     for share in (0.0, 0.4, 0.9):
         with contextlib.closing(AckingService(endpoint, ledger)):
             eventually(lambda share=share: len(ledger.stored) > share * MANY)  # type: ignore[misc]
