@@ -29,7 +29,10 @@ class Survey:
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Facts that are stored all together or not at all."""
+    """Facts that are stored all together or not at all.
+
+    Where a batch both stores and refuses a seq, the refusal is the last word.
+    """
 
     hellos: list[Hello] = field(default_factory=list)
     keyframes: list[Keyframe] = field(default_factory=list)

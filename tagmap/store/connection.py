@@ -69,7 +69,7 @@ class Connection:
         except BaseException:
             # Some failures, a full disk for one, make SQLite roll back by itself.
             if self.raw.in_transaction:
-                self.raw.execute("ROLLBACK")
+                self.execute("ROLLBACK")
             raise
 
     def close(self) -> None:

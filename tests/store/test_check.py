@@ -12,7 +12,6 @@ from tagmap.store.check import MOST_OF_A_KIND, check
 from tests.store.records import SITE, keyframe
 
 NAN = struct.pack("<d", math.nan)
-TRIGGERS = ("keyframes", "sightings", "surveys", "map_versions", "tag_estimates")
 
 
 def tamper(path: Path, script: str) -> None:
@@ -110,7 +109,6 @@ def test_a_missing_trigger(mapped: SiteStore, path: Path) -> None:
 def test_an_index_that_contradicts_its_table(mapped: SiteStore, path: Path) -> None:
     mapped.close()
     db = sqlite3.connect(path)
-    db.execute("PRAGMA writable_schema = ON")
     root = db.execute(
         "SELECT rootpage FROM sqlite_master WHERE name = 'keyframe_poses_by_time'"
     ).fetchone()[0]

@@ -141,6 +141,15 @@ def test_a_keyframe_refused_after_it_was_stored_is_withdrawn(tmp_path: Path) -> 
     assert check(tmp_path / "site.db") == []
 
 
+def test_within_a_batch_a_refusal_is_the_last_word(tmp_path: Path) -> None:
+    with SiteStore.open(tmp_path / "site.db", SITE) as store:
+        store.commit(Batch(keyframes=[keyframe(1), keyframe(2)], refusals=[refusal(2)]))
+        assert store.keyframes_of("r1", "session-1") == [keyframe(1)]
+        assert store.settled("r1", "session-1") == [1, 2]
+        assert store.counts().keyframes == 1
+    assert check(tmp_path / "site.db") == []
+
+
 def test_what_is_acceptable_at_last_takes_the_place_of_a_refusal(tmp_path: Path) -> None:
     with SiteStore.open(tmp_path / "site.db", SITE) as store:
         store.commit(Batch(refusals=[refusal(0, reason="number 1 is taken"), refusal(1)]))
@@ -210,6 +219,16 @@ def test_a_number_that_another_robot_has_stores_nothing_of_the_batch(tmp_path: P
         with pytest.raises(StoreError, match=r"robots\.number"):
             store.commit(Batch(hellos=[hello("r2", number=1)], keyframes=[keyframe(1)]))
         assert (store.counts().robots, store.counts().keyframes) == (1, 0)
+
+
+@pytest.mark.parametrize(("seq", "reason"), [(2**63, "bad"), (7, "\ud800")])
+def test_what_sqlite_cannot_hold_stores_nothing_of_the_batch(
+    tmp_path: Path, seq: int, reason: str
+) -> None:
+    with SiteStore.open(tmp_path / "site.db", SITE) as store:
+        with pytest.raises(StoreError, match="a value cannot be stored"):
+            store.commit(Batch(keyframes=[keyframe(1)], refusals=[refusal(seq, reason=reason)]))
+        assert store.counts().sessions == 0
 
 
 @pytest.mark.parametrize(
