@@ -26,5 +26,5 @@ def check(context: click.Context, path: Path, as_json: bool) -> None:
     elif not problems:
         click.echo(f"{path}: no problems found")
     for problem in problems if not as_json else ():
-        click.echo(f"tagmap: {path}: {problem}", err=True)
+        click.echo(f"tagmap: {problem}", err=True)
     context.exit(1 if problems else 0)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -33,7 +34,11 @@ class RouterProcess:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, timeout_s: float = START_S) -> None:
-        """Return when it listens. LinkError in one line when it cannot: busy port, bad file."""
+        """Return when it listens; also starts it again after it has died.
+
+        LinkError in one line when it cannot: busy port, unusable file.
+        """
+        self.stop()
         command = [sys.executable, "-m", "tagmap.link.router", "--with-parent", *self._arguments]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         said = _first_line(self._process, timeout_s)
@@ -85,7 +90,9 @@ def _first_line(process: subprocess.Popen[bytes], timeout_s: float) -> str:
     return process.stdout.readline().decode().strip() if readable else ""
 
 
-def run(listen: list[str], config_file: Path | None, with_parent: bool) -> None:
+def run(
+    listen: list[str], config_file: Path | None, with_parent: bool, ready: Callable[[str], None]
+) -> None:
     """Route until SIGTERM or, with a parent, until stdin ends. LinkError when it cannot start."""
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
@@ -94,7 +101,7 @@ def run(listen: list[str], config_file: Path | None, with_parent: bool) -> None:
     if with_parent:
         threading.Thread(target=_wait_for_end_of_stdin, args=[stop], daemon=True).start()
     session, endpoints = _open(listen, config_file)
-    _announce(f"READY {' '.join(endpoints)}")
+    ready(f"READY {' '.join(endpoints)}")
     stop.wait()
     session.close()  # type: ignore[no-untyped-call]
 
@@ -103,6 +110,7 @@ def _open(listen: list[str], config_file: Path | None) -> "tuple[zenoh.Session, 
     import zenoh
 
     from tagmap.link.config import endpoints_of, one_line, router_config
+    from tagmap.link.diagnosis import why_not_listening
 
     config = router_config(listen, config_file)
     endpoints = endpoints_of(config, "listen")
@@ -110,19 +118,26 @@ def _open(listen: list[str], config_file: Path | None) -> "tuple[zenoh.Session, 
     try:
         return zenoh.open(config), endpoints
     except zenoh.ZError as error:
-        raise LinkError(f"cannot listen on {', '.join(endpoints)}: {one_line(error)}") from None
-
-
-def _announce(line: str) -> None:
-    """The one line on stdout; whatever is written later goes to stderr and never fills a pipe."""
-    print(line, flush=True)
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+        reason = why_not_listening(one_line(error))
+        raise LinkError(f"cannot listen on {', '.join(endpoints)}: {reason}") from None
 
 
 def _wait_for_end_of_stdin(stop: threading.Event) -> None:
     while os.read(0, 4096):
         pass
     stop.set()
+
+
+def _reserve_stdout() -> Callable[[str], None]:
+    """Keep stdout for the one line that is waited for; all else goes to stderr, where Zenoh's
+    logs neither are mistaken for it nor fill a pipe that nobody reads."""
+    stdout = os.dup(1)
+    os.dup2(2, 1)
+
+    def say(line: str) -> None:
+        os.write(stdout, f"{line}\n".encode())
+
+    return say
 
 
 def main() -> None:
@@ -135,10 +150,14 @@ def main() -> None:
     def command(listen: tuple[str, ...], config: Path | None, with_parent: bool) -> None:
         if bool(listen) == (config is not None):
             raise click.UsageError("expected either --listen or --config")
+        say = _reserve_stdout()
         try:
-            run(list(listen), config, with_parent)
+            run(list(listen), config, with_parent, say)
         except LinkError as error:
-            print(f"FAILED {error}" if with_parent else f"error: {error}", flush=True)
+            if with_parent:
+                say(f"FAILED {error}")
+            else:
+                print(f"error: {error}", file=sys.stderr)
             sys.exit(1)
 
     command()

@@ -10,7 +10,8 @@ Callbacks run in the link's threads, one per declaration: they enqueue, and retu
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -19,7 +20,8 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 from tagmap.errors import LinkError
-from tagmap.link.config import client_config, endpoints_of, one_line
+from tagmap.link.config import client_config, endpoints_of, one_line, tls_of
+from tagmap.link.diagnosis import why_unreachable
 from tagmap.link.query import ENCODING, Query, Reply, query_from, reply_from
 from tagmap.link.receiver import Declared, Receiver
 
@@ -33,6 +35,21 @@ def _never() -> bool:
 
 def _ignore(_reason: str) -> None:
     pass
+
+
+@contextmanager
+def _told(about: str) -> Iterator[None]:
+    """Zenoh's errors, of a bad key or a closed session, as ours."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise LinkError(f"{about}: {one_line(error)}") from None
+
+
+def _why_not_open(config: zenoh.Config) -> str:
+    endpoints = endpoints_of(config)
+    reasons = (f"{endpoint}: {why_unreachable(endpoint, tls_of(config))}" for endpoint in endpoints)
+    return f"no router at {'; '.join(reasons)}"
 
 
 class Link:
@@ -65,8 +82,8 @@ class Link:
         while True:
             try:
                 return cls(zenoh.open(config))
-            except zenoh.ZError as error:
-                reason = f"no router at {', '.join(endpoints_of(config))}: {one_line(error)}"
+            except zenoh.ZError:
+                reason = _why_not_open(config)
             if stopped() or (deadline is not None and time.monotonic() >= deadline):
                 raise LinkError(reason)
             if reason != told:
@@ -76,9 +93,10 @@ class Link:
 
     def put(self, key: str, payload: bytes) -> None:
         """Send and forget; dropped without a word when no router is there or the way is jammed."""
-        self._session.put(
-            key, payload, encoding=ENCODING, congestion_control=zenoh.CongestionControl.DROP
-        )
+        with _told(key):
+            self._session.put(
+                key, payload, encoding=ENCODING, congestion_control=zenoh.CongestionControl.DROP
+            )
 
     def subscribe(
         self, key_expr: str, on_sample: Callable[[str, bytes], None], capacity: int = 1024
@@ -90,7 +108,9 @@ class Link:
                 on_sample(str(sample.key_expr), sample.payload.to_bytes())
 
         channel: RingChannel[zenoh.Sample] = RingChannel(capacity)
-        self._receive(self._session.declare_subscriber(key_expr, channel), handle, key_expr)
+        with _told(key_expr):
+            declared = self._session.declare_subscriber(key_expr, channel)
+        self._receive(declared, handle, key_expr)
 
     def serve(self, key_expr: str, on_query: Callable[[Query], None], capacity: int = 256) -> None:
         """Call `on_query` for every question; beyond `capacity` waiting, oldest drop."""
@@ -99,19 +119,20 @@ class Link:
             on_query(query_from(query))
 
         channel: RingChannel[zenoh.Query] = RingChannel(capacity)
-        self._receive(self._session.declare_queryable(key_expr, channel), handle, key_expr)
+        with _told(key_expr):
+            declared = self._session.declare_queryable(key_expr, channel)
+        self._receive(declared, handle, key_expr)
 
     def get(
         self, selector: str, payload: bytes | None = None, *, timeout_s: float = 5.0
     ) -> list[Reply]:
         """Ask `key?name=value;name=value` and wait for all answers. An empty list means that
         nobody could be asked, never that there is nothing."""
-        replies = self._session.get(
-            selector,
-            payload=payload,
-            encoding=None if payload is None else ENCODING,
-            timeout=timeout_s,
-        )
+        encoding = None if payload is None else ENCODING
+        with _told(selector):
+            replies = self._session.get(
+                selector, payload=payload, encoding=encoding, timeout=timeout_s
+            )
         return [reply_from(reply) for reply in replies]
 
     def ask(
@@ -128,7 +149,8 @@ class Link:
 
     def declare_alive(self, key: str) -> None:
         """Hold a liveliness token at `key` until closed; it vanishes when this process dies."""
-        self._tokens.append(self._session.liveliness().declare_token(key))
+        with _told(key):
+            self._tokens.append(self._session.liveliness().declare_token(key))
 
     def watch_alive(self, key_expr: str, on_change: Callable[[str, bool], None]) -> None:
         """Call `on_change(key, alive)` for every token there is now and every later change."""
@@ -137,12 +159,15 @@ class Link:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         channel: RingChannel[zenoh.Sample] = RingChannel(4096)
-        declared = self._session.liveliness().declare_subscriber(key_expr, channel, history=True)
+        with _told(key_expr):
+            liveliness = self._session.liveliness()
+            declared = liveliness.declare_subscriber(key_expr, channel, history=True)
         self._receive(declared, handle, key_expr)
 
     def alive(self, key_expr: str, *, timeout_s: float = 2.0) -> list[str]:
         """Keys of the tokens held now, sorted."""
-        replies = self._session.liveliness().get(key_expr, timeout=timeout_s)
+        with _told(key_expr):
+            replies = self._session.liveliness().get(key_expr, timeout=timeout_s)
         return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
 
     def connected(self) -> bool:
@@ -157,7 +182,8 @@ class Link:
                 callback()
 
         channel: RingChannel[zenoh.TransportEvent] = RingChannel(64)
-        listener = self._session.info.declare_transport_events_listener(channel, history=True)
+        with _told("connection"):
+            listener = self._session.info.declare_transport_events_listener(channel, history=True)
         self._receive(listener, handle, "connection")
 
     def close(self) -> None:

@@ -35,13 +35,28 @@ class Event:
 
 @dataclass(slots=True)
 class Draft:
-    """Collected while arrivals are judged; `touched` maps (robot, session) to seqs, in order."""
+    """Collected while arrivals are judged.
+
+    refused  by (robot, session, seq): the last verdict on a message counts
+    touched  seqs by (robot, session), in order
+    """
 
     hellos: list[Hello] = field(default_factory=list)
     keyframes: list[Keyframe] = field(default_factory=list)
-    refused: list[Refused] = field(default_factory=list)
+    refused: dict[tuple[str, str, int], Refused] = field(default_factory=dict)
     touched: dict[tuple[str, str], list[int]] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
+
+    def accept(self, message: Hello | Keyframe) -> None:
+        if isinstance(message, Hello):
+            self.hellos.append(message)
+        else:
+            self.keyframes.append(message)
+        self.refused.pop((message.robot, message.session, message.seq), None)
+        self.touch(message.robot, message.session, [message.seq])
+
+    def refuse(self, refused: Refused) -> None:
+        self.refused[refused.robot, refused.session, refused.seq] = refused
 
     def touch(self, robot: str, session: str, seqs: Iterable[int]) -> None:
         self.touched.setdefault((robot, session), []).extend(seqs)

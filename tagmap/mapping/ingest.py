@@ -84,8 +84,7 @@ class Ingest:
         self.kind, ledger.number = hello.kind, hello.number
         self.holders[hello.number] = ledger.robot
         ledger.counters.hellos += 1
-        draft.hellos.append(hello)
-        draft.touch(ledger.robot, hello.session, [0])
+        draft.accept(hello)
         draft.note("hello accepted", robot=ledger.robot, session=hello.session, kind=hello.kind)
         self._judge_early(ledger, index, draft)
 
@@ -101,8 +100,7 @@ class Ingest:
             _check_session(index, keyframe)
             index.store(keyframe)
             ledger.counters.stored += 1
-            draft.keyframes.append(keyframe)
-            draft.touch(ledger.robot, keyframe.session, [keyframe.seq])
+            draft.accept(keyframe)
 
     def _check_names(self, ledger: RobotLedger, message: Hello | Keyframe) -> None:
         if message.robot != ledger.robot:
@@ -120,14 +118,13 @@ class Ingest:
             raise RecordRefused(f"number {hello.number}, this robot has number {ledger.number}")
 
     def _judge_early(self, ledger: RobotLedger, index: SessionIndex, draft: Draft) -> None:
-        """Keyframes that came before their hello are stored already; some may be of no use."""
+        """Keyframes that came before their hello are stored already; it may disallow some."""
         assert index.hello is not None
-        for keyframe in index.recent.values():
+        for keyframe in list(index.recent.values()):
             reason = objection(index.hello, keyframe)
             if reason is not None:
-                ledger.counters.unusable += 1
-                place = {"session": index.session, "seq": keyframe.seq}
-                draft.note("unusable", robot=ledger.robot, reason=reason, **place)
+                ledger.counters.withdrawn += 1
+                self._settle_refused(index, keyframe.seq, reason, draft)
 
     def _refuse(self, ledger: RobotLedger, address: Address, reason: str, draft: Draft) -> None:
         index = ledger.session(address.session)
@@ -141,12 +138,15 @@ class Ingest:
             return
         if address.seq == 0:
             index.refused = reason
-        draft.touch(ledger.robot, index.session, [address.seq])
-        if index.refusals.get(address.seq) != reason:
-            index.refuse(address.seq, reason)
-            draft.refused.append(Refused(ledger.robot, index.session, address.seq, reason))
-            place = {"session": index.session, "seq": address.seq}
-            draft.note("refused", robot=ledger.robot, reason=reason, **place)
+        self._settle_refused(index, address.seq, reason, draft)
+
+    def _settle_refused(self, index: SessionIndex, seq: int, reason: str, draft: Draft) -> None:
+        draft.touch(index.robot, index.session, [seq])
+        if index.refusals.get(seq) != reason:
+            index.refuse(seq, reason)
+            draft.refuse(Refused(index.robot, index.session, seq, reason))
+            place = {"robot": index.robot, "session": index.session, "seq": seq}
+            draft.note("refused", reason=reason, **place)
 
     def _count_duplicate(
         self, ledger: RobotLedger, index: SessionIndex, seq: int, contradicts: bool, draft: Draft

@@ -12,8 +12,8 @@ class Counters:
     """Messages by what became of them, since the service started.
 
     received = hellos + stored + duplicates + refused + malformed + postponed; a contradiction is
-    a duplicate that says something else than what is stored. `unusable` keyframes were stored
-    before their hello came, which turned out not to allow them; the map is made without them.
+    a duplicate that says something else than what is stored. `withdrawn` keyframes were stored
+    before their hello came, which then disallowed them: they are refused after all.
     """
 
     received: int = 0
@@ -24,7 +24,7 @@ class Counters:
     refused: int = 0
     malformed: int = 0
     postponed: int = 0
-    unusable: int = 0
+    withdrawn: int = 0
 
     def as_dict(self) -> dict[str, int]:
         return asdict(self)

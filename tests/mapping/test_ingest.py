@@ -20,6 +20,10 @@ def session_of(ingest, robot="r1", session=SESSION):
     return ingest.robots[robot].sessions[session]
 
 
+def reasons(draft):
+    return [refused.reason for refused in draft.refused.values()]
+
+
 def counters(ingest, robot="r1"):
     return ingest.robots[robot].counters
 
@@ -65,29 +69,31 @@ def test_keyframes_before_their_hello_are_judged_by_it():
     ingest = Ingest("site")
     feed(ingest, spatial_keyframe(1), keyframe(2))
     draft = feed(ingest, hello())
-    assert counters(ingest).unusable == 1
-    assert draft.events[-1].fields["reason"] == "a spatial keyframe in a planar session"
+    assert counters(ingest).withdrawn == 1
+    assert [(r.seq, r.reason) for r in draft.refused.values()] == [
+        (1, "a spatial keyframe in a planar session")
+    ]
     assert session_of(ingest).contiguous == 2
 
 
 def test_the_robot_is_the_keys():
     ingest = Ingest("site")
     draft = feed(ingest, keyframe(3, robot="r2"), robot="r1")
-    assert [r.reason for r in draft.refused] == ["names robot r2, the key names r1"]
+    assert reasons(draft) == ["names robot r2, the key names r1"]
     assert "r2" not in ingest.robots
     assert session_of(ingest).refusals == {3: "names robot r2, the key names r1"}
 
 
 def test_another_site_is_refused():
     draft = feed(Ingest("site"), hello(site="elsewhere"))
-    assert draft.refused[0].reason == "names site elsewhere, this is site"
+    assert reasons(draft)[0] == "names site elsewhere, this is site"
 
 
 def test_two_robots_with_one_number():
     ingest = Ingest("site")
     feed(ingest, hello(robot="r1", number=7))
     draft = feed(ingest, hello(robot="r2", number=7, session="session-0002"), robot="r2")
-    assert draft.refused[0].reason == "number 7 belongs to robot r1"
+    assert reasons(draft)[0] == "number 7 belongs to robot r1"
     assert draft.hellos == []
 
 
@@ -95,7 +101,7 @@ def test_a_robot_keeps_its_number():
     ingest = Ingest("site")
     feed(ingest, hello(number=7))
     draft = feed(ingest, hello(number=8, session="session-0002"))
-    assert draft.refused[0].reason == "number 8, this robot has number 7"
+    assert reasons(draft)[0] == "number 8, this robot has number 7"
 
 
 def test_the_first_hello_decides_the_kind_of_the_site():
@@ -106,7 +112,7 @@ def test_the_first_hello_decides_the_kind_of_the_site():
     index = session_of(ingest, "r2", "session-0002")
     assert ingest.kind == "planar"
     assert index.refused == "a spatial session, the site is planar"
-    assert draft.refused[0].reason.startswith("the session is refused: a spatial session")
+    assert reasons(draft)[0].startswith("the session is refused: a spatial session")
     assert index.ack().contiguous == 1
     assert [r.seq for r in index.full_ack().refused] == [1, 0]
 
@@ -115,13 +121,13 @@ def test_pixels_need_a_rig():
     ingest = Ingest("site")
     feed(ingest, hello(kind="spatial"))
     draft = feed(ingest, spatial_keyframe(1, form="mono_px"))
-    assert draft.refused[0].reason == "sightings[0] is mono_px, but the hello carries no rig"
+    assert reasons(draft)[0] == "sightings[0] is mono_px, but the hello carries no rig"
 
 
 def test_unknown_version_is_refused_with_the_reason():
     ingest = Ingest("site")
     draft = feed(ingest, hello(), msgspec.structs.replace(keyframe(1), v=2))
-    assert draft.refused[0].reason == "unsupported schema version 2, expected 1"
+    assert reasons(draft)[0] == "unsupported schema version 2, expected 1"
     assert session_of(ingest).contiguous == 1
     assert counters(ingest).refused == 1
 
@@ -174,7 +180,7 @@ def test_counters_add_up():
     far = keyframe(2**50, t_ns=1)
     feed(ingest, hello(), keyframe(1), keyframe(1), b"x", keyframe(2, site="no"), far)
     counts = counters(ingest).as_dict()
-    assert (counts.pop("contradictions"), counts.pop("unusable")) == (0, 0)
+    assert (counts.pop("contradictions"), counts.pop("withdrawn")) == (0, 0)
     assert counts.pop("received") == sum(counts.values())
 
 
