@@ -1,0 +1,5 @@
+"""`python -m robot_agent.cli`"""
+
+from robot_agent.cli import main
+
+main()
