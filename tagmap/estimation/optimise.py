@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt with graduated robust weights over the joint problem."""
+"""Levenberg-Marquardt on the joint problem, with robust weights that sharpen as it goes."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,16 @@ from tagmap.conventions import Array
 from tagmap.estimation import robust
 from tagmap.estimation.gauge import free_directions
 from tagmap.estimation.linear import Factorisation, NormalEquations
-from tagmap.estimation.linearise import Weights, linearise, squared_residuals, updated
+from tagmap.estimation.linearise import (
+    Residuals,
+    Weights,
+    linearise,
+    squared_residuals,
+    updated,
+)
 from tagmap.estimation.problem import Problem, State
 
-MU_STEP = 1.6
-MU_MOST = 1e4
+MU_STEP = 2.0
 DAMPING_FIRST = 1e-6
 DAMPING_LEAST = 1e-12
 DAMPING_MOST = 1e8
@@ -21,11 +26,15 @@ DAMPING_MOST = 1e8
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """tolerance: predicted relative decrease of the cost at which the optimum is reached."""
+    """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
-    max_iterations: int = 100
-    tolerance: float = 1e-9
-    graduated: bool = True
+    max_regroupings: how often a sighting may still change between inlier and outlier once the
+    weights are sharp; then the last choice stands.
+    """
+
+    max_iterations: int = 200
+    tolerance: float = 1e-10
+    max_regroupings: int = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,49 +51,67 @@ class Optimum:
 
 def optimise(problem: Problem, state: State, options: Options) -> Optimum:
     """Minimise the robust cost from `state`; a free gauge stays where `state` has it."""
-    bounds = robust_bounds(problem)
     residuals = squared_residuals(problem, state)
-    mu = robust.first_mu(residuals, bounds, MU_MOST) if options.graduated else 1.0
+    mu = robust.first_mu(problem, residuals)
+    weights = robust.weights_at(problem, residuals, mu)
     damping = DAMPING_FIRST
-    converged = False
-    iterations = 0
-    weights = robust.weights(residuals, bounds, mu, max(mu, 1.0))
-    cost = robust.cost(residuals, bounds, mu, mu)
+    regroupings = iterations = 0
     equations = linearise(problem, state, weights)
-    while iterations < options.max_iterations and not converged:
+    settled = False
+    while iterations < options.max_iterations and not settled:
         iterations += 1
-        step = _step(equations, damping, free_directions(problem, state))
-        if step is None:
-            damping = max(damping * 10.0, 1e-9)
-            if damping > DAMPING_MOST:
-                break
-            continue
-        poses, border, predicted = step
-        trial = updated(problem, state, poses, border)
-        residuals = squared_residuals(problem, trial)
-        trial_cost = robust.cost(residuals, bounds, mu, mu)
-        if not trial_cost <= cost * (1.0 + 1e-12):
-            damping = max(damping * 10.0, 1e-9)
-            if damping > DAMPING_MOST:
-                break
-            if predicted <= options.tolerance * max(cost, 1.0) and mu == 1.0:
-                converged = True
-            continue
-        state, damping = trial, max(damping * 0.1, DAMPING_LEAST)
-        converged = mu == 1.0 and predicted <= options.tolerance * max(cost, 1.0)
-        mu = max(mu / MU_STEP, 1.0)
-        weights = robust.weights(residuals, bounds, mu, mu)
-        cost = robust.cost(residuals, bounds, mu, mu)
+        moved = _descend(problem, state, residuals, weights, equations, damping)
+        if moved is None:
+            break
+        state, residuals, damping, decrease = moved
+        sharp = mu >= robust.SHARPEST
+        converged = sharp and decrease <= options.tolerance
+        mu = min(mu * MU_STEP, robust.SHARPEST)
+        if regroupings < options.max_regroupings:
+            new = robust.weights_at(problem, residuals, mu)
+            regrouped = sharp and not _same(new, weights)
+            regroupings += regrouped
+            weights = new
+            settled = converged and not regrouped
+        else:
+            settled = converged
         equations = linearise(problem, state, weights)
-    return Optimum(state, weights, equations, cost, iterations, converged)
+    cost = robust.weighted_cost(residuals, weights)
+    return Optimum(state, weights, equations, cost, iterations, settled)
 
 
-def robust_bounds(problem: Problem) -> robust.Bounds:
-    return robust.Bounds(
-        tuple(robust.chi2_bound(block.z.shape[1]) for block in problem.sightings),
-        robust.chi2_bound(problem.pose_dof),
-        robust.chi2_bound(problem.tag_dof),
-    )
+def _same(a: Weights, b: Weights) -> bool:
+    blocks = zip(a.sightings, b.sightings, strict=True)
+    return all(np.array_equal(x, y) for x, y in blocks) and np.array_equal(a.surveyed, b.surveyed)
+
+
+def _descend(
+    problem: Problem,
+    state: State,
+    residuals: Residuals,
+    weights: Weights,
+    equations: NormalEquations,
+    damping: float,
+) -> tuple[State, Residuals, float, float] | None:
+    """One accepted step: new state, its residuals, next damping, predicted relative decrease.
+
+    At the optimum, where rounding hides any decrease, the state stays. None if no damping helps.
+    """
+    cost = robust.weighted_cost(residuals, weights)
+    gauge = free_directions(problem, state)
+    while damping <= DAMPING_MOST:
+        step = _step(equations, damping, gauge)
+        if step is not None:
+            poses, border, predicted = step
+            trial = updated(problem, state, poses, border)
+            trial_residuals = squared_residuals(problem, trial)
+            decrease = predicted / max(cost, 1.0)
+            if robust.weighted_cost(trial_residuals, weights) <= cost:
+                return trial, trial_residuals, max(damping * 0.1, DAMPING_LEAST), decrease
+            if decrease <= 1e-12:
+                return state, residuals, damping, decrease
+        damping = max(damping * 10.0, 1e-9)
+    return None
 
 
 def _step(
