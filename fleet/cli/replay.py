@@ -129,8 +129,10 @@ def _play(recording: "Recording", truth: "Truth", how: How) -> None:
     from fleet.cli.report import as_contract, show
     from fleet.evaluation.evaluate import evaluate
     from fleet.running.folder import run_folder
-    from fleet.running.run import run_recording
+    from fleet.running.run import require_new, run_recording
 
+    if how.db:
+        require_new(how.db)
     for note in recording.notes:
         _tell(note)
     with interruptible(), run_folder("tagmap-replay-", keep=how.db is None) as folder:

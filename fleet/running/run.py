@@ -37,10 +37,8 @@ def run_recording(
 ) -> Run:
     """One agent per robot of `recording`, at `pace` (arguments of `robot-agent run`).
 
-    `folder` takes journals, outboxes and logs; `db` must be new. Raises TagmapError.
+    `folder` takes journals, outboxes and logs; `db` is new. Raises TagmapError.
     """
-    if db.exists() and db.stat().st_size:
-        raise DataError(f"{db}: exists already; a replay starts with an empty database")
     began_s = time.monotonic()
     journals = write_journals(recording, folder)
     agents = [Agent(r.robot, r.number, journals[r.robot], pace) for r in recording.robots]
@@ -60,6 +58,14 @@ def run_recording(
     finally:
         supervisor.stop()
     return Run(read_results(plan.db, recording.kind), sent, time.monotonic() - began_s, plan.db)
+
+
+def require_new(db: Path) -> None:
+    """Keyframes of another run would be counted and solved together with those of this one."""
+    if db.exists() and db.stat().st_size:
+        raise DataError(f"{db}: exists already; a replay starts with an empty database")
+    if not db.absolute().parent.is_dir():
+        raise DataError(f"{db}: its folder does not exist")
 
 
 def _counts(db: Path) -> Counts | None:
