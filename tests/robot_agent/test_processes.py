@@ -19,7 +19,7 @@ from tagmap.link.keys import Keys
 from tagmap.link.query import Query
 from tagmap.link.router import RouterProcess
 from tagmap.link.session import Link
-from tagmap.records import encode
+from tagmap.records import Ack, encode
 from tagmap.store.outbox import Outbox
 
 Journal = Callable[[int], Path]
@@ -269,6 +269,41 @@ def test_refusals_are_logged_with_their_reason(
     [event] = [e for e in map(json.loads, err.splitlines()) if e["event"] == "refused"]
     assert (event["robot"], event["first"], event["count"]) == ("r1", 4, 1)
     assert event["reason"] == "not wanted"
+
+
+def test_garbage_for_acknowledgements_is_ignored(
+    commands: Commands,
+    router: RouterProcess,
+    endpoint: str,
+    ledger: Any,
+    journal: Journal,
+    eventually: Eventually,
+) -> None:
+    assert router.poll() is None
+    process = commands.run("--source", journal(100), "--connect", endpoint)
+    keys = Keys("site")
+    with Link.open([endpoint], wait_s=PATIENCE_S) as link:
+        eventually(lambda: link.alive(keys.alive("r1")) != [])
+        foreign = encode(Ack(session="somebody-else", contiguous=10**6))
+        for payload in (b"", b"\xff" * 100, foreign[:-1], foreign, b"\x81\xa1v\x63"):
+            link.put(keys.ack("r1"), payload)
+    with contextlib.closing(AckingService(endpoint, ledger)):
+        assert "malformed acknowledgements ignored" in events_of(process)
+    assert process.returncode == 0
+    assert_delivered_once(ledger, 100)
+
+
+@pytest.mark.parametrize("pace", [("--realtime",), ("--speed", "1000")])
+def test_a_paced_replay_is_delivered_too(
+    commands: Commands,
+    service: AckingService,
+    endpoint: str,
+    journal: Journal,
+    pace: tuple[str, ...],
+) -> None:
+    process = commands.run("--source", journal(700), "--connect", endpoint, *pace)
+    assert summary_of(process)["settled"] == 700
+    assert_delivered_once(service.ledger, 700)
 
 
 def test_it_waits_for_a_router_and_says_so_once(
