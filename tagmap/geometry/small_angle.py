@@ -55,8 +55,16 @@ def cotangent_remainder(theta: Array) -> Array:
 
 def _quotient(theta: Array, series: list[float], closed: Callable[[Array], Array]) -> Array:
     small = np.abs(theta) < SMALL_RAD
-    square = np.where(small, theta * theta, 0.0)
-    value: Array = np.full_like(square, series[0])
-    for coefficient in series[1:]:
+    if small.all():
+        return _horner(theta * theta, series)
+    if not small.any():
+        return closed(theta)
+    near = _horner(np.where(small, theta * theta, 0.0), series)
+    return np.where(small, near, closed(np.where(small, 1.0, theta)))
+
+
+def _horner(square: Array, series: list[float]) -> Array:
+    value: Array = series[0] * square + series[1]
+    for coefficient in series[2:]:
         value = value * square + coefficient
-    return np.where(small, value, closed(np.where(small, 1.0, theta)))
+    return value

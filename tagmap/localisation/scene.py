@@ -1,0 +1,123 @@
+"""What one robot sees of the map, stacked: identified sightings together with their mapped tags."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import ModuleType
+
+import numpy as np
+
+from tagmap.conventions import Array, Form, Index, Kind
+from tagmap.geometry import se2, se3
+from tagmap.geometry.measurement import FORM_WIDTH
+from tagmap.geometry.stereo import StereoRig
+from tagmap.records.arrays import measurement_blocks
+from tagmap.records.keyframe import Measurement
+
+
+def lie(kind: Kind) -> ModuleType:
+    """The group of the poses of a problem kind."""
+    return se3 if kind == "spatial" else se2
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """`scale`: the factor by which a form sees distances too long, where it is not 1."""
+
+    kind: Kind
+    rig: StereoRig | None = None
+    scale: Mapping[Form, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class TagTable:
+    """The map: index of each tag id; p_map (M, d); root (M, d, d) with root root^T = cov."""
+
+    index: Mapping[str, int]
+    p_map: Array
+    root: Array
+
+    @classmethod
+    def of(cls, kind: Kind, tags: Mapping[str, tuple[Array, Array]]) -> "TagTable":
+        """From p_map (d,) and cov (d, d) per tag id."""
+        d = 3 if kind == "spatial" else 2
+        p_map = np.array([p for p, _ in tags.values()]).reshape(-1, d)
+        cov = np.array([cov for _, cov in tags.values()]).reshape(-1, d, d)
+        return cls({tag: i for i, tag in enumerate(tags)}, p_map, np.linalg.cholesky(cov))
+
+    def __len__(self) -> int:
+        return len(self.p_map)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Sightings of one form: index (K,) into the scene, z (K, k)."""
+
+    form: Form
+    index: Index
+    z: Array
+    scale: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """N sightings of mapped tags, all forms padded to k rows of which `width` (N,) are used.
+
+    source (N,)        place in the list of measurements that was given
+    tag (N,)           row of the tag table; p_map (N, d) and root (N, d, d) are its rows
+    T_cam_base (N, ..) from the base whose pose is asked for
+    cov (N, k, k)      of the measurement; unit variance in the padding
+    drift (N, dof, dof) covariance of T_cam_base, in base axes, or None where it is exact
+    """
+
+    sensor: Sensor
+    blocks: tuple[Block, ...]
+    source: Index
+    tag: Index
+    p_map: Array
+    root: Array
+    T_cam_base: Array
+    cov: Array
+    width: Index
+    drift: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+
+def look(
+    sensor: Sensor,
+    table: TagTable,
+    measurements: Sequence[Measurement],
+    tags: Sequence[str],
+    T_cam_base: Array,
+    drift: Array | None = None,
+) -> Scene:
+    """The scene of those measurements whose tags are mapped.
+
+    T_cam_base (D, D), or (n, D, D) with drift (n, dof, dof): one for each measurement.
+    """
+    rows = [table.index.get(tag, -1) for tag in tags]
+    source = np.array([i for i, row in enumerate(rows) if row >= 0], dtype=np.int64)
+    tag = np.array([row for row in rows if row >= 0], dtype=np.int64)
+    found = measurement_blocks([measurements[i] for i in source])
+    width = np.zeros(len(source), dtype=np.int64)
+    k = max((FORM_WIDTH[sensor.kind][block.form] for block in found), default=1)
+    cov = np.zeros((len(source), k, k)) + np.eye(k)
+    for block in found:
+        used = block.z.shape[1]
+        width[block.index] = used
+        cov[block.index, :used, :used] = block.cov
+    blocks = (Block(b.form, b.index, b.z, sensor.scale.get(b.form, 1.0)) for b in found)
+    each = T_cam_base[source] if T_cam_base.ndim == 3 else T_cam_base
+    return Scene(
+        sensor=sensor,
+        blocks=tuple(blocks),
+        source=source,
+        tag=tag,
+        p_map=table.p_map[tag],
+        root=table.root[tag],
+        T_cam_base=np.broadcast_to(each, (len(source), *T_cam_base.shape[-2:])),
+        cov=cov,
+        width=width,
+        drift=None if drift is None else drift[source],
+    )

@@ -1,0 +1,225 @@
+"""The live pose of one robot session: odometry carries it, sightings of mapped tags correct it.
+
+A track cannot lock onto a wrong pose: keyframes whose sightings mostly contradict it are counted,
+and after a few of them the sightings since then are asked for a fix of their own.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from tagmap.conventions import POSE_DOF, Array
+from tagmap.geometry.covariance import unpack_upper
+from tagmap.localisation.fix import fix
+from tagmap.localisation.scene import Scene, Sensor, TagTable, lie, look
+from tagmap.localisation.update import Belief, update
+from tagmap.records.arrays import matrix
+from tagmap.records.keyframe import Keyframe, Measurement
+from tagmap.records.pose import PoseState
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """When a pose is called what.
+
+    good_m, good_rad  at most this much 1-sigma uncertainty for `good`
+    lost_m, lost_rad  more than this is `lost`
+    reopen            contradicted keyframes after which a fix from scratch may replace the pose
+    lose              contradicted keyframes after which the pose is given up
+    window            latest keyframes with mapped tags that a fix may use
+    """
+
+    good_m: float = 0.15
+    good_rad: float = 0.1
+    lost_m: float = 2.0
+    lost_rad: float = 1.0
+    reopen: int = 3
+    lose: int = 8
+    window: int = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """The pose after a keyframe; all None while lost. accepted, rejected: sighted mapped tags."""
+
+    T_map_base: Array | None
+    T_map_odom: Array | None
+    cov: Array | None
+    state: PoseState
+    accepted: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
+
+
+Seen: TypeAlias = tuple[tuple[Measurement, ...], tuple[str, ...]]
+
+
+@dataclass(slots=True)
+class _Past:
+    """A keyframe of the window: what it saw, T_cam_base then, and the way back from now."""
+
+    seen: Seen
+    T_cam_base: Array
+    T_then_now: Array
+    cov: Array
+
+
+class Track:
+    """Feed the keyframes of one session in order with `step`, new maps with `adopt`."""
+
+    def __init__(self, sensor: Sensor, thresholds: Thresholds | None = None) -> None:
+        self._thresholds = thresholds or Thresholds()
+        self._group = lie(sensor.kind)
+        self._d = 3 if sensor.kind == "spatial" else 2
+        self._sensor = sensor
+        self._table = TagTable.of(sensor.kind, {})
+        self._anchored = False
+        self._belief: Belief | None = None
+        self._T_odom_base: Array = np.eye(self._d + 1)
+        self._window: deque[_Past] = deque(maxlen=self._thresholds.window)
+        self._contradicted = 0
+        self._accepted: tuple[str, ...] = ()
+        self._rejected: tuple[str, ...] = ()
+
+    def adopt(
+        self, table: TagTable, anchored: bool, T_new_old: Array | None, sensor: Sensor | None = None
+    ) -> None:
+        """Turn to a new map, moved by T_new_old against the one before (None: not known)."""
+        belief, old = self._belief, self._table
+        self._table, self._anchored, self._sensor = table, anchored, sensor or self._sensor
+        if belief is None or T_new_old is None:
+            self._belief = None
+            return
+        cross = np.zeros((len(table), *belief.cross.shape[1:]))
+        for tag, row in table.index.items():
+            if (before := old.index.get(tag)) is not None:
+                cross[row] = belief.cross[before]
+        self._belief = Belief(T_new_old @ belief.T_map_base, belief.cov, cross)
+
+    def start_from(self, T_map_base: Array, cov: Array) -> None:
+        """Take a pose from outside, as a solution of the joint problem gives it."""
+        dof = POSE_DOF[self._sensor.kind]
+        self._restart(Belief(T_map_base, cov, np.zeros((len(self._table), dof, self._d))))
+
+    def interrupt(self) -> None:
+        """Keyframes are missing or the robot was carried: nothing is known of the motion."""
+        self._belief = None
+        self._window.clear()
+
+    def step(self, keyframe: Keyframe) -> Live:
+        """Move by the odometry, correct by the sightings, and say what is known now."""
+        self._accepted = self._rejected = ()
+        self._move(keyframe)
+        seen = _mapped(keyframe, self._table.index)
+        if seen[1]:
+            T_cam_base = self._group.inverse(matrix(keyframe.T_base_cam))
+            self._remember(seen, T_cam_base)
+            self._correct(seen, T_cam_base)
+            self._reopen()
+        self._give_up()
+        return self.live()
+
+    def live(self) -> Live:
+        """The pose as it is known now."""
+        belief = self._belief
+        if belief is None:
+            return Live(None, None, None, "lost", self._accepted, self._rejected)
+        T_map_odom = belief.T_map_base @ self._group.inverse(self._T_odom_base)
+        state: PoseState = "good" if self._is_good(belief) else "degraded"
+        return Live(
+            belief.T_map_base, T_map_odom, belief.cov, state, self._accepted, self._rejected
+        )
+
+    def _move(self, keyframe: Keyframe) -> None:
+        if keyframe.odom is None:
+            self.interrupt()
+            return
+        T_step = matrix(keyframe.odom.T_prev_cur)
+        cov_step = unpack_upper(np.array(keyframe.odom.cov), POSE_DOF[self._sensor.kind])
+        self._T_odom_base = self._T_odom_base @ T_step
+        Ad = self._group.adjoint(self._group.inverse(T_step))
+        if self._belief is not None:
+            self._belief = self._belief.moved(T_step, Ad, cov_step)
+        for past in self._window:
+            past.T_then_now = past.T_then_now @ T_step
+            past.cov = Ad @ past.cov @ Ad.T + cov_step
+
+    def _remember(self, seen: Seen, T_cam_base: Array) -> None:
+        dof = POSE_DOF[self._sensor.kind]
+        self._window.append(_Past(seen, T_cam_base, np.eye(self._d + 1), np.zeros((dof, dof))))
+
+    def _correct(self, seen: Seen, T_cam_base: Array) -> None:
+        if self._belief is None:
+            return
+        scene = look(self._sensor, self._table, *seen, T_cam_base)
+        self._belief, accepted = update(scene, self._belief)
+        tags = np.array(seen[1], dtype=object)[scene.source]
+        self._accepted = tuple(tags[accepted])
+        self._rejected = tuple(tags[~accepted])
+        agrees = 2 * len(self._accepted) >= len(tags)
+        self._contradicted = max(0, self._contradicted - 1) if agrees else self._contradicted + 1
+
+    def _reopen(self) -> None:
+        """A fix from scratch where there is no pose, or from what contradicts the one there is."""
+        if self._belief is not None and self._contradicted < self._thresholds.reopen:
+            return
+        n = len(self._window) if self._belief is None else self._contradicted
+        scene = self._window_scene(n)
+        found = fix(scene)
+        if found.T_map_base is None or found.redundancy < POSE_DOF[self._sensor.kind]:
+            return
+        assert found.cov is not None
+        assert found.cross is not None
+        cross = np.zeros((len(self._table), *found.cross.shape[1:]))
+        cross[scene.tag] = found.cross
+        self._restart(Belief(found.T_map_base, found.cov, cross))
+
+    def _window_scene(self, n: int) -> Scene:
+        """The latest n keyframes of the window as if seen from the present base."""
+        recent = list(self._window)[-n:]
+        measurements = [z for past in recent for z in past.seen[0]]
+        tags = [tag for past in recent for tag in past.seen[1]]
+        counts = [len(past.seen[1]) for past in recent]
+        T_cam_base = np.array([past.T_cam_base @ past.T_then_now for past in recent])
+        return look(
+            self._sensor,
+            self._table,
+            measurements,
+            tags,
+            np.repeat(T_cam_base, counts, axis=0),
+            np.repeat(np.array([past.cov for past in recent]), counts, axis=0),
+        )
+
+    def _restart(self, belief: Belief) -> None:
+        self._belief = belief
+        self._contradicted = 0
+
+    def _give_up(self) -> None:
+        belief, limits = self._belief, self._thresholds
+        if belief is None:
+            return
+        sigma_m, sigma_rad = belief.sigmas()
+        beyond = sigma_m > limits.lost_m or sigma_rad > limits.lost_rad
+        if beyond or self._contradicted >= limits.lose or not np.isfinite(sigma_m + sigma_rad):
+            self._belief = None
+            self._forget_all_but(self._contradicted)
+            self._contradicted = 0
+
+    def _forget_all_but(self, n: int) -> None:
+        """What agreed with a pose that is given up as wrong must not vote on the next one."""
+        while n and len(self._window) > n:
+            self._window.popleft()
+
+    def _is_good(self, belief: Belief) -> bool:
+        sigma_m, sigma_rad = belief.sigmas()
+        limits = self._thresholds
+        certain = sigma_m <= limits.good_m and sigma_rad <= limits.good_rad
+        return self._anchored and certain and self._contradicted == 0
+
+
+def _mapped(keyframe: Keyframe, index: Mapping[str, int]) -> Seen:
+    """Measurements and ids of mapped tags whose identity is more likely right than wrong."""
+    chosen = [s for s in keyframe.sightings if s.tag in index and s.p_false < 0.5]
+    return tuple(s.z for s in chosen), tuple(s.tag for s in chosen)
