@@ -10,7 +10,7 @@ import click
 
 if TYPE_CHECKING:
     from fleet.evaluation.truth import Truth
-    from fleet.replay.mrclam import MrclamCalibration
+    from fleet.replay.mrclam_calibration import MrclamCalibration
     from fleet.replay.recording import Recording
 
 
@@ -79,10 +79,14 @@ def replay() -> None:
     multiple=True,
     help="Two landmarks that the published truth has exchanged; repeatable.",
 )
-@click.option("--range-sigma-m", type=float, help="Deviation of a range.  [default: 0.12]")
-@click.option("--bearing-sigma-rad", type=float, help="Deviation of a bearing.  [default: 0.01]")
+@click.option("--depth-ratio", type=float, help="Deviation of a depth, per m.  [default: 0.01]")
+@click.option("--bearing-sigma-rad", type=float, help="Deviation of a bearing.  [default: 0.009]")
+@click.option("--latency-s", type=float, help="Delay of the drive.  [default: 0.2]")
+@click.option("--drive-gain", type=float, help="Motion per commanded motion.  [default: 0.93]")
 @click.option(
-    "--range-scale-sigma", type=float, help="Deviation of the scale of ranges.  [default: 0.02]"
+    "--range-scale-sigma",
+    type=float,
+    help="Make the scale of ranges an unknown, known beforehand so well.  [default: it is known]",
 )
 @playing
 def mrclam(
@@ -98,8 +102,9 @@ def mrclam(
     """
     from fleet.evaluation import mrclam as mrclam_truth
     from fleet.replay import mrclam as mrclam_reader
+    from fleet.replay.mrclam_calibration import MrclamCalibration
 
-    calibration = _stated(mrclam_reader.MrclamCalibration(), sigmas)
+    calibration = _stated(MrclamCalibration(), sigmas)
     recording = mrclam_reader.read(path, calibration)
     _play(recording, mrclam_truth.read_truth(path, truth, swaps), how)
 

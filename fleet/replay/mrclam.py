@@ -1,45 +1,27 @@
 """UTIAS MRCLAM data: five robots, fifteen barcode landmarks, planar (Leung et al., IJRR 30(8)).
 
 Each set is `Barcodes.dat` and, per robot N, `RobotN_Odometry.dat` and `RobotN_Measurement.dat`. A
-keyframe is an instant at which a robot saw at least one landmark; the camera frame is the robot's.
+keyframe is an instant at which a robot saw at least one landmark.
 Sightings of other robots are not used: they are moving.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fleet.replay.planar_odometry import Commands, PlanarOdometryNoise, steps
+from fleet.replay.mrclam_calibration import MrclamCalibration
+from fleet.replay.planar_odometry import Commands, steps
 from fleet.replay.recording import Recording, RobotRecording
 from fleet.replay.tables import Tables, open_tables
 from tagmap.conventions import Array, Index
 from tagmap.errors import DataError
-from tagmap.records import Introduction, Measurement, Observation, Odometry, Sighting, Transform
+from tagmap.records import Introduction, Measurement, Observation, Odometry, Sighting
 from tagmap.records.arrays import transform, upper
 
 ROBOTS = range(1, 6)
 LANDMARKS = range(6, 21)
 P_FALSE = 0.02  # barcodes misread or mismatched; the rate of gross outliers known for the data
-
-IDENTITY = Transform(p_m=(0.0, 0.0), theta_rad=0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class MrclamCalibration:
-    """Calibration of the robots' sensors, the same for all data sets of the family.
-
-    range_sigma_m, bearing_sigma_rad  one sighting
-    range_scale_sigma                 how well the common scale of all ranges is known
-    latency_s                         wheels follow a command so long after its time stamp; measured
-                                      from the turning of bearings, 0.20-0.25 s with every robot
-    """
-
-    range_sigma_m: float = 0.12
-    bearing_sigma_rad: float = 0.010
-    range_scale_sigma: float = 0.02
-    latency_s: float = 0.2
-    odometry: PlanarOdometryNoise = field(default_factory=PlanarOdometryNoise)
 
 
 def read(path: Path, calibration: MrclamCalibration | None = None) -> Recording:
@@ -68,7 +50,7 @@ class _Seen:
 
     t_ns: Index
     subject: Index
-    range_m: Array
+    depth_m: Array
     bearing_rad: Array
 
 
@@ -114,8 +96,8 @@ def _robot(
         Observation(
             t_ns=int(t_ns[k]),
             odom=odometry[k],
-            T_base_cam=IDENTITY,
-            sightings=_sightings(seen, slice(bounds[k], bounds[k + 1]), calibration),
+            T_base_cam=calibration.cameras[number].T_base_cam,
+            sightings=_sightings(number, seen, slice(bounds[k], bounds[k + 1]), calibration),
         )
         for k in range(len(t_ns))
     ]
@@ -135,7 +117,8 @@ def _odometry(
         return [None] * len(t_ns)
     table = table[np.argsort(table[:, 0], kind="stable")]
     effective_ns = nanoseconds(table[:, 0] + calibration.latency_s)
-    moved = steps(Commands(effective_ns, table[:, 1], table[:, 2]), t_ns, calibration.odometry)
+    v, w = table[:, 1:].T * calibration.drive_gain
+    moved = steps(Commands(effective_ns, v, w), t_ns, calibration.odometry)
     if not moved.known.all():
         notes.append(f"robot {number}: {int((~moved.known).sum())} steps without odometry")
     return [None] + [
@@ -144,8 +127,15 @@ def _odometry(
     ]
 
 
-def _sightings(seen: _Seen, rows: slice, calibration: MrclamCalibration) -> tuple[Sighting, ...]:
-    cov = (calibration.range_sigma_m**2, 0.0, calibration.bearing_sigma_rad**2)
+def _sightings(
+    robot: int, seen: _Seen, rows: slice, calibration: MrclamCalibration
+) -> tuple[Sighting, ...]:
+    measured = [
+        (bearing_rad, *calibration.range_of(robot, depth_m, bearing_rad))
+        for depth_m, bearing_rad in zip(
+            seen.depth_m[rows].tolist(), seen.bearing_rad[rows].tolist(), strict=True
+        )
+    ]
     return tuple(
         Sighting(
             tag=str(subject),
@@ -153,10 +143,7 @@ def _sightings(seen: _Seen, rows: slice, calibration: MrclamCalibration) -> tupl
             p_false=P_FALSE,
             z=Measurement(range_m=range_m, bearing_rad=bearing_rad, cov=cov),
         )
-        for subject, range_m, bearing_rad in zip(
-            seen.subject[rows].tolist(),
-            seen.range_m[rows].tolist(),
-            seen.bearing_rad[rows].tolist(),
-            strict=True,
+        for subject, (bearing_rad, range_m, cov) in zip(
+            seen.subject[rows].tolist(), measured, strict=True
         )
     )

@@ -18,9 +18,9 @@ class PlanarOdometryNoise:
     floor_m, floor_rad            time stamps and rounding of the commands, once per step
     """
 
-    forward_m_per_sqrt_s: float = 0.008
-    lateral_m_per_sqrt_s: float = 0.004
-    heading_rad_per_sqrt_s: float = 0.018
+    forward_m_per_sqrt_s: float = 0.010
+    lateral_m_per_sqrt_s: float = 0.003
+    heading_rad_per_sqrt_s: float = 0.015
     still_ratio: float = 0.1
     v_scale_sigma: float = 0.05
     w_scale_sigma: float = 0.05

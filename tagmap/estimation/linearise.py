@@ -77,14 +77,13 @@ def linearise(problem: Problem, state: State, weights: Weights) -> NormalEquatio
     ]
     _add_surveyed(problem, state, weights.surveyed, border, gradient_border)
     _add_scales(problem, state, border, gradient_border)
-    shape = (n * dof, problem.n_border)
-    coupling = sparse.csc_matrix(shape)
-    for part in couplings:
-        coupling = coupling + part
     if problem.prior is not None:
-        coupling = coupling + _add_prior(
-            problem, problem.prior, state, diagonal, gradient_pose, border, gradient_border
+        couplings.append(
+            _add_prior(
+                problem, problem.prior, state, diagonal, gradient_pose, border, gradient_border
+            )
         )
+    coupling = _coupling(couplings, (n * dof, problem.n_border))
     return NormalEquations(diagonal, following, coupling, border, gradient_pose, gradient_border)
 
 
@@ -98,6 +97,24 @@ def updated(problem: Problem, state: State, poses: Array, border: Array) -> Stat
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Entries:
+    """Entries of the coupling B by row and column, each (K,); those at one place add up."""
+
+    rows: Index
+    columns: Index
+    values: Array
+
+
+def _coupling(parts: list[Entries], shape: tuple[int, int]) -> sparse.csc_matrix:
+    if not parts:
+        return sparse.csc_matrix(shape)
+    rows = np.concatenate([part.rows for part in parts])
+    columns = np.concatenate([part.columns for part in parts])
+    values = np.concatenate([part.values for part in parts])
+    return sparse.csc_matrix((values, (rows, columns)), shape=shape)
+
+
 def _square(r: Array) -> Array:
     squared: Array = np.einsum("ka,ka->k", r, r)
     return squared
@@ -107,7 +124,7 @@ def _sum_by(index: Index, size: int, values: Array) -> Array:
     """Sum rows of `values` (K, ...) that share an index: (size, ...)."""
     k = len(index)
     gather = sparse.csr_matrix((np.ones(k), (index, np.arange(k))), shape=(size, k))
-    summed: Array = gather @ values.reshape(k, -1)
+    summed = np.asarray(gather @ values.reshape(k, -1))
     return summed.reshape(size, *values.shape[1:])
 
 
@@ -133,11 +150,11 @@ def _add_sightings(
     gradient_pose: Array,
     border: Array,
     gradient_border: Array,
-) -> sparse.csc_matrix:
+) -> Entries:
     """Adds in place and returns the block's part of the coupling B."""
     used = np.flatnonzero(w > 0.0)
     block, w = block.take(used), w[used]
-    n, dof, m, d = problem.n_poses, problem.pose_dof, problem.n_tags, problem.tag_dof
+    n, dof = problem.n_poses, problem.pose_dof
     terms = sighting_terms(problem.kind, block, state)
     J_border, columns = _border_jacobian(problem, block, terms.J_tag, terms.J_scale)
     wJ_pose, wJ_border = terms.J_pose * w[:, None, None], J_border * w[:, None, None]
@@ -148,14 +165,13 @@ def _add_sightings(
     square = _gram(wJ_border, J_border)
     np.add.at(border, (columns[:, :, None], columns[:, None, :]), square)
 
-    rows = block.pose[:, None] * dof + np.arange(dof)
     entries = _gram(wJ_pose, J_border)
-    shape = (n * dof, m * d + len(problem.scale_names))
-    where = (
+    rows = block.pose[:, None] * dof + np.arange(dof)
+    return Entries(
         np.broadcast_to(rows[:, :, None], entries.shape).ravel(),
         np.broadcast_to(columns[:, None, :], entries.shape).ravel(),
+        entries.ravel(),
     )
-    return sparse.csc_matrix((entries.ravel(), where), shape=shape)
 
 
 def _border_jacobian(
@@ -200,7 +216,7 @@ def _add_prior(
     gradient_pose: Array,
     border: Array,
     gradient_border: Array,
-) -> sparse.csc_matrix:
+) -> Entries:
     """Adds in place and returns the prior's coupling of the first pose with tags."""
     dof, d = problem.pose_dof, problem.tag_dof
     information = prior.information
@@ -211,9 +227,7 @@ def _add_prior(
     border[np.ix_(columns, columns)] += information[dof:, dof:]
     gradient_border[columns] += gradient[dof:]
     rows = np.repeat(np.arange(dof), len(columns))
-    entries = information[:dof, dof:].ravel()
-    shape = (problem.n_poses * dof, problem.n_border)
-    return sparse.csc_matrix((entries, (rows, np.tile(columns, dof))), shape=shape)
+    return Entries(rows, np.tile(columns, dof), information[:dof, dof:].ravel())
 
 
 def _gram(left: Array, right: Array) -> Array:

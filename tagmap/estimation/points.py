@@ -54,7 +54,8 @@ def points_of(problem: Problem) -> Points:
 
 
 def _points_of_block(problem: Problem, block: Sightings) -> Points:
-    cov = np.linalg.inv(np.swapaxes(block.whiten, -1, -2) @ block.whiten)
+    W = block.whiten
+    cov = np.asarray(np.linalg.inv(np.swapaxes(W, -1, -2) @ W), dtype=np.float64)
     given = measurement.to_point(block.form, problem.kind, block.z, cov, block.rig)
     p_cam, information = _directions(block) if given is None else _informed(*given)
     d = problem.tag_dof
@@ -62,13 +63,13 @@ def _points_of_block(problem: Problem, block: Sightings) -> Points:
     R = T_base_cam[:, :d, :d]
     p_base = lie(problem.kind).act(T_base_cam, p_cam)
     information = R @ information @ np.swapaxes(R, -1, -2)
-    good = np.isfinite(p_base).all(axis=1) & np.isfinite(information).all(axis=(1, 2))
+    good = np.isfinite(p_base.sum(axis=1) + information.sum(axis=(1, 2)))
     return Points(block.pose, block.tag, p_base, information).take(np.flatnonzero(good))
 
 
 def _informed(p_cam: Array, cov: Array) -> tuple[Array, Array]:
     """Covariance to information; a point that could not be computed stays NaN."""
-    bad = ~np.isfinite(cov).all(axis=(1, 2))
+    bad = ~np.isfinite(cov.sum(axis=(1, 2)))
     information = np.linalg.inv(np.where(bad[:, None, None], np.eye(cov.shape[1]), cov))
     information[bad] = np.nan
     return p_cam, information
@@ -103,7 +104,7 @@ class TagFit:
 
     @property
     def determined(self) -> Mask:
-        known: Mask = np.isfinite(self.p).all(axis=1)
+        known: Mask = np.isfinite(self.p.sum(axis=1))
         return known
 
 

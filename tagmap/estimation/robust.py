@@ -7,8 +7,8 @@ Tzoumas, Carlone, "Graduated Non-Convexity for Robust Spatial Perception", RA-L 
         sqrt(c2 mu (mu + 1) / r2) - mu     between
         0                                  r2 >= c2 (mu + 1) / mu
 
-for mu growing from nearly 0 (all weights alike) to SHARPEST, beyond which the weight is 0 or 1. With
-weights of 0 and 1 the last steps converge quadratically and covariances need no correction.
+for mu growing from nearly 0 (all weights alike) to SHARPEST, beyond which weights are 0 or 1: then
+the last steps converge quadratically and covariances need no correction.
 `c2` is a chi-square quantile of the factor's dimension: nothing here is tuned to a data set.
 Odometry is not down-weighted: a chain cut at one bad step would fall apart.
 """

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.replay import mrclam
+from fleet.replay.mrclam_calibration import Camera, MrclamCalibration
 from fleet.replay.recording import write_journals
 from tagmap.errors import DataError
 from tagmap.records.journal import read_introduction, read_observations
@@ -18,7 +19,7 @@ def test_keyframes_are_the_instants_with_landmarks(mrclam_folder: Path):
     assert (second.robot, second.number, len(second.observations)) == ("r2", 2, 2)
     assert [s.tag for s in first.observations[0].sightings] == ["6", "7"]
     assert first.observations[0].t_ns == 1_248_272_001_000_000_000
-    assert first.introduction.range_scale_sigma == 0.02
+    assert first.introduction.range_scale_sigma is None
 
 
 def test_odometry_is_the_motion_between_keyframes(mrclam_folder: Path):
@@ -26,7 +27,7 @@ def test_odometry_is_the_motion_between_keyframes(mrclam_folder: Path):
     assert observations[0].odom is None
     step = observations[2].odom
     assert step is not None
-    np.testing.assert_allclose(step.T_prev_cur.p_m, [0.15, 0.0], atol=1e-9)
+    np.testing.assert_allclose(step.T_prev_cur.p_m, [0.93 * 0.15, 0.0], atol=1e-9)
 
 
 def test_what_is_left_out_is_said(mrclam_folder: Path):
@@ -98,3 +99,18 @@ def test_recorded_sets_keep_all_keyframes(recorded_data: Path, number: int, keyf
     recording = mrclam.read(recorded_data / "mrclam" / f"MRCLAM_Dataset{number}.tar.xz")
     assert [robot.number for robot in recording.robots] == [1, 2, 3, 4, 5]
     assert sum(len(robot.observations) for robot in recording.robots) == keyframes
+
+
+def test_the_files_depth_becomes_a_range_with_its_covariance():
+    calibration = MrclamCalibration(cameras={1: Camera(1.02, 0.0, 0.0)})
+    rng = np.random.default_rng(7)
+    true_range, bearing = 4.0, 0.5
+    seen = bearing + calibration.bearing_sigma_rad * rng.standard_normal(20_000)
+    depth = 1.02 * true_range * np.cos(bearing)
+    sigma = np.hypot(calibration.depth_floor_m, calibration.depth_ratio * depth)
+    depths = depth + sigma * rng.standard_normal(20_000)
+    ranges = [calibration.range_of(1, d, b)[0] for d, b in zip(depths, seen, strict=True)]
+    range_m, upper = calibration.range_of(1, depth, bearing)
+    assert range_m == pytest.approx(true_range)
+    cov = np.cov(ranges, seen)
+    np.testing.assert_allclose([cov[0, 0], cov[0, 1], cov[1, 1]], upper, rtol=0.05)
