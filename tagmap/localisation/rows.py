@@ -13,6 +13,8 @@ from tagmap.conventions import Array, Mask
 from tagmap.geometry import measurement
 from tagmap.localisation.scene import Scene, lie
 
+MOST_ADDED_NOISE = 1e10
+
 
 @dataclass(frozen=True, slots=True)
 class Rows:
@@ -42,18 +44,26 @@ def rows_at(scene: Scene, T_map_base: Array) -> Rows:
     R_map_base = T_map_base[:d, :d]
     p_base = (scene.p_map - T_map_base[:d, d]) @ R_map_base
     error, J_cam = _predict(scene, group.act(scene.T_cam_base, p_base))
-    valid = np.isfinite(np.concatenate([error[..., None], J_cam], axis=-1)).all(axis=(1, 2))
-    error[~valid], J_cam[~valid] = 0.0, 0.0
     J_base = J_cam @ scene.T_cam_base[:, :d, :d]
     H = -J_base @ group.act_jacobian(np.eye(d + 1), p_base)
     H_tag = J_base @ R_map_base.T @ scene.root
-    cov = scene.cov + H_tag @ H_tag.swapaxes(-1, -2)
+    noise = H_tag @ H_tag.swapaxes(-1, -2)
     if scene.drift is not None:
-        cov = cov + H @ scene.drift @ H.swapaxes(-1, -2)
-    white = np.linalg.solve(
-        np.linalg.cholesky(cov), np.concatenate([error[..., None], H, H_tag], axis=-1)
-    )
+        noise = noise + H @ scene.drift @ H.swapaxes(-1, -2)
+    valid = _measurable(scene, noise)
+    system = np.concatenate([error[..., None], H, H_tag], axis=-1)
+    system[~valid], noise[~valid] = 0.0, 0.0
+    white = np.linalg.solve(np.linalg.cholesky(scene.cov + noise), system)
     return Rows(white[..., 0], white[..., 1:-d], white[..., -d:], valid)
+
+
+def _measurable(scene: Scene, noise: Array) -> Mask:
+    """In sight at all (not NaN), and not at so grazing an angle that the tag's own noise drowns
+    the measurement and, with it, the arithmetic."""
+    added = np.trace(noise, axis1=1, axis2=2)
+    own = np.diagonal(scene.cov, axis1=1, axis2=2).min(axis=1)
+    measurable: Mask = added < MOST_ADDED_NOISE * own
+    return measurable
 
 
 def _predict(scene: Scene, p_cam: Array) -> tuple[Array, Array]:
