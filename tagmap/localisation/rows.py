@@ -43,7 +43,8 @@ def rows_at(scene: Scene, T_map_base: Array) -> Rows:
     group, d = lie(scene.sensor.kind), scene.p_map.shape[1]
     R_map_base = T_map_base[:d, :d]
     p_base = (scene.p_map - T_map_base[:d, d]) @ R_map_base
-    error, J_cam = _predict(scene, group.act(scene.T_cam_base, p_base))
+    with np.errstate(all="ignore"):
+        error, J_cam = _predict(scene, group.act(scene.T_cam_base, p_base))
     J_base = J_cam @ scene.T_cam_base[:, :d, :d]
     H = -J_base @ group.act_jacobian(np.eye(d + 1), p_base)
     H_tag = J_base @ R_map_base.T @ scene.root

@@ -8,7 +8,7 @@ import numpy as np
 
 from tagmap.conventions import Array, Form, Index, Kind
 from tagmap.geometry import se2, se3
-from tagmap.geometry.measurement import FORM_WIDTH
+from tagmap.geometry.measurement import FORM_WIDTH, PIXEL_FORMS
 from tagmap.geometry.stereo import StereoRig
 from tagmap.records.arrays import measurement_blocks
 from tagmap.records.keyframe import Measurement
@@ -84,6 +84,12 @@ class Scene:
         return len(self.source)
 
 
+def usable_forms(sensor: Sensor) -> set[Form]:
+    """Without a rig calibration pixels say nothing."""
+    forms = set(FORM_WIDTH[sensor.kind])
+    return forms if sensor.rig is not None else forms.difference(PIXEL_FORMS)
+
+
 def look(
     sensor: Sensor,
     table: TagTable,
@@ -92,11 +98,15 @@ def look(
     T_cam_base: Array,
     drift: Array | None = None,
 ) -> Scene:
-    """The scene of those measurements whose tags are mapped.
+    """The scene of those measurements whose tags are mapped and whose form the sensor can use.
 
     T_cam_base (D, D), or (n, D, D) with drift (n, dof, dof): one for each measurement.
     """
-    rows = [table.index.get(tag, -1) for tag in tags]
+    forms = usable_forms(sensor)
+    rows = [
+        table.index.get(tag, -1) if z.form in forms else -1
+        for z, tag in zip(measurements, tags, strict=True)
+    ]
     source = np.array([i for i, row in enumerate(rows) if row >= 0], dtype=np.int64)
     tag = np.array([row for row in rows if row >= 0], dtype=np.int64)
     found = measurement_blocks([measurements[i] for i in source])

@@ -121,7 +121,7 @@ def _observations(kind: Kind) -> st.SearchStrategy[records.Observation]:
     return st.builds(records.Observation, **_observed(kind))
 
 
-def _keyframes(kind: Kind) -> st.SearchStrategy[records.Keyframe]:
+def keyframes(kind: Kind) -> st.SearchStrategy[records.Keyframe]:
     return st.builds(
         records.Keyframe,
         **_observed(kind),
@@ -170,7 +170,7 @@ MESSAGES: dict[type[Message], st.SearchStrategy[Message]] = {
         session=SESSIONS,
     ),
     records.Observation: KINDS.flatmap(_observations),
-    records.Keyframe: KINDS.flatmap(_keyframes),
+    records.Keyframe: KINDS.flatmap(keyframes),
     records.Ack: st.builds(
         records.Ack,
         session=SESSIONS,
