@@ -45,7 +45,13 @@ def versions(target: Target) -> None:
 
 
 @map_.command()
-@click.option("--format", "format_", type=click.Choice(["json", "csv", "tum"]), required=True)
+@click.option(
+    "--format",
+    "format_",
+    type=click.Choice(["json", "csv", "tum"]),
+    required=True,
+    help="See below.",
+)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Where to write.")
 @click.option("--robot", help="Only this robot's trajectory (json, tum).")
 @client

@@ -6,24 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagmap.conventions import Array, Kind
+from tagmap.conventions import Array, Form, Kind
 from tagmap.geometry.alignment import align
-from tagmap.geometry.covariance import pack_upper, unpack_upper
+from tagmap.localisation.scene import TagTable
 from tagmap.records import MapVersion, Tag
-from tagmap.records.arrays import transform
+from tagmap.records.arrays import covariance, transform, upper, vector
 from tagmap.records.base import Vector
 from tagmap.records.pose import Gauge
 
 if TYPE_CHECKING:
-    from tagmap.estimation.solve import Solution, TagEstimate
-
-
-@dataclass(frozen=True, slots=True)
-class TagBelief:
-    """A tag that can be used for localisation: p_map_tag (D,), cov_map_tag (D, D)."""
-
-    p: Array
-    cov: Array
+    from tagmap.estimation.solution import Solution, TagEstimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +33,14 @@ class Edition:
 
 @dataclass(slots=True)
 class MapBook:
-    """`version` is None until the first map."""
+    """`version` is None until the first map; `table` holds the tags that can be localised by, and
+    `scale` the common scales of the sensors, for the forms that have one.
+    """
 
     version: MapVersion | None = None
     tags: dict[str, Tag] = field(default_factory=dict)
-    beliefs: dict[str, TagBelief] = field(default_factory=dict)
+    scale: dict[Form, float] = field(default_factory=dict)
+    table: TagTable = field(default_factory=lambda: TagTable.of("spatial", {}))
 
     @property
     def gauge(self) -> Gauge:
@@ -55,10 +50,24 @@ class MapBook:
     def number(self) -> int | None:
         return self.version.version if self.version else None
 
-    def restore(self, version: MapVersion, tags: list[Tag]) -> None:
+    def restore(
+        self,
+        version: MapVersion,
+        tags: list[Tag],
+        scale: float | None = None,
+        stereo_scale: float | None = None,
+    ) -> None:
+        """`scale` is that of ranges and points; None: exact."""
         self.version = version
         self.tags = {tag.tag: tag for tag in tags}
-        self.beliefs = {tag.tag: _belief(tag.p_m, tag.cov) for tag in tags if _is_usable(tag)}
+        usable = {tag.tag: _belief(tag.p_m, tag.cov) for tag in tags if _is_usable(tag)}
+        d = next((len(p) for p, _ in usable.values()), 3)
+        self.table = TagTable.of("spatial" if d == 3 else "planar", usable)
+        self.scale = {}
+        if scale is not None:
+            self.scale |= {"range_bearing": scale, "point_cam_m": scale}
+        if stereo_scale is not None:
+            self.scale["stereo_px"] = stereo_scale
 
     def adopt(self, solution: "Solution", cause: str, now_ns: int) -> Edition:
         """Turn to the next version."""
@@ -75,35 +84,30 @@ class MapBook:
             withheld=sum(tag.state == "withheld" for tag in tags),
         )
         changed = [tag for tag in tags if _differs(tag, self.tags.get(tag.tag))]
-        self.restore(version, tags)
+        self.restore(version, tags, solution.scale, solution.stereo_scale)
         return Edition(version, tags, changed, T_new_old)
 
 
 def _tag(estimate: "TagEstimate", version: int, gauge: Gauge) -> Tag:
-    withheld = estimate.state == "withheld" or estimate.p is None
     return Tag(
         tag=estimate.tag,
-        p_m=None if withheld else tuple(map(float, estimate.p)),
-        cov=None if withheld or estimate.cov is None else _packed(estimate.cov),
-        state="withheld" if withheld else estimate.state,
+        p_m=None if estimate.p is None else vector(estimate.p),
+        cov=None if estimate.cov is None else upper(estimate.cov),
+        state="withheld" if estimate.p is None else estimate.state,
         n=int(estimate.n),
         version=version,
         gauge=gauge,
     )
 
 
-def _packed(cov: Array) -> Vector:
-    return tuple(map(float, pack_upper(cov) if cov.ndim == 2 else cov))
-
-
 def _is_usable(tag: Tag) -> bool:
     return tag.p_m is not None and tag.cov is not None and tag.state in ("mapped", "surveyed")
 
 
-def _belief(p_m: Vector | None, cov: Vector | None) -> TagBelief:
+def _belief(p_m: Vector | None, cov: Vector | None) -> tuple[Array, Array]:
     assert p_m is not None
     assert cov is not None
-    return TagBelief(np.array(p_m), unpack_upper(np.array(cov), len(p_m)))
+    return np.array(p_m), covariance(cov)
 
 
 def _differs(tag: Tag, before: Tag | None) -> bool:

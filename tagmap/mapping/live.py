@@ -1,0 +1,191 @@
+"""Where the robots are now: one track per robot, fed with its newest session in the order of seq.
+
+A new map re-bases a track: it starts again from the session's last solved pose and follows the
+keyframes since then once more.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+
+from tagmap.conventions import Array
+from tagmap.errors import TagmapError
+from tagmap.localisation.scene import Sensor
+from tagmap.localisation.track import Live as LivePose
+from tagmap.localisation.track import Track
+from tagmap.mapping.book import MapBook
+from tagmap.mapping.past import Moment
+from tagmap.mapping.session import SessionIndex
+from tagmap.records import Hello, Keyframe, Pose, Transform
+from tagmap.records.arrays import covariance, matrix, stereo_rig, transform, upper
+from tagmap.records.base import Vector
+
+MAX_TAIL = 4096
+MAX_CORRECTED = 256
+_NUMERIC = (ArithmeticError, ValueError, np.linalg.LinAlgError, TagmapError)
+
+
+class Known(msgspec.Struct, frozen=True):
+    """The last solved pose of a session; cov is packed, null when it was not computed."""
+
+    seq: int
+    t_ns: int
+    T_map_base: Transform
+    cov: Vector | None
+
+
+@dataclass(slots=True)
+class LiveRobot:
+    """The newest session of one robot.
+
+    waiting  keyframes that came early, by seq
+    tail     keyframes followed since the last solved one, oldest first
+    moments  the poses after them, for questions about the recent past
+    """
+
+    hello: Hello
+    track: Track
+    next_seq: int = 1
+    waiting: dict[int, Keyframe] = field(default_factory=dict)
+    tail: deque[Keyframe] = field(default_factory=lambda: deque(maxlen=MAX_TAIL))
+    moments: deque[Moment] = field(default_factory=lambda: deque(maxlen=MAX_TAIL))
+    pose: Pose | None = None
+
+
+class LiveRobots:
+    """By robot."""
+
+    def __init__(self) -> None:
+        self.robots: dict[str, LiveRobot] = {}
+
+    def open(self, index: SessionIndex, book: MapBook, known: Known | None = None) -> None:
+        """Turn to a session whose hello was accepted, from `known` on or from its beginning."""
+        assert index.hello is not None
+        live = LiveRobot(index.hello, _track(index.hello, book))
+        live.waiting = dict(index.recent)
+        if known is not None:
+            live.next_seq = known.seq + 1
+            _start_from(live, known, book)
+        elif index.recent:
+            live.next_seq = min(index.recent)
+        self.robots[index.robot] = live
+
+    def offer(self, keyframe: Keyframe) -> None:
+        live = self._of(keyframe.robot, keyframe.session)
+        if live is not None and len(live.waiting) < MAX_TAIL:
+            live.waiting[keyframe.seq] = keyframe
+
+    def follow(self, index: SessionIndex, book: MapBook) -> Pose | None:
+        """Go on through everything contiguous; the newest pose, None if there is nothing new."""
+        live = self._of(index.robot, index.session)
+        if live is None:
+            return None
+        run = list(_run(live, index.contiguous))
+        return _follow(live, run, book) if run else None
+
+    def rebase(
+        self, robot: str, known: Known | None, book: MapBook, T_new_old: Array | None
+    ) -> Pose | None:
+        """Turn to a new map, which moved by `T_new_old`; `known` is of the live session.
+
+        Where the tail does not reach back to `known`, the pose only moves with the map.
+        """
+        live = self.robots[robot]
+        if live.pose is None:
+            live.track = _track(live.hello, book)
+            return None
+        if known is None or (live.tail and live.tail[0].seq > known.seq + 1):
+            live.moments.clear()
+            anchored = book.gauge == "anchored"
+            live.track.adopt(book.table, anchored, T_new_old, _sensor(live.hello, book))
+            live.pose = _pose(live, live.pose.t_ns, live.track.live(), book)
+            return live.pose
+        since = [keyframe for keyframe in live.tail if keyframe.seq > known.seq]
+        live.tail.clear()
+        live.moments.clear()
+        live.track = _track(live.hello, book)
+        _start_from(live, known, book)
+        return _follow(live, since, book)
+
+    def _of(self, robot: str, session: str) -> LiveRobot | None:
+        live = self.robots.get(robot)
+        return live if live is not None and live.hello.session == session else None
+
+
+def _sensor(hello: Hello, book: MapBook) -> Sensor:
+    rig = None if hello.rig is None else stereo_rig(hello.rig)
+    return Sensor(hello.kind, rig, book.scale)
+
+
+def _track(hello: Hello, book: MapBook) -> Track:
+    track = Track(_sensor(hello, book))
+    track.adopt(book.table, book.gauge == "anchored", None)
+    return track
+
+
+def _start_from(live: LiveRobot, known: Known, book: MapBook) -> None:
+    if known.cov is not None:
+        live.track.start_from(matrix(known.T_map_base), covariance(known.cov))
+    now = live.track.live()
+    _remember(live, known.t_ns, now)
+    live.pose = _pose(live, known.t_ns, now, book)
+
+
+def _run(live: LiveRobot, contiguous: int) -> Iterable[Keyframe]:
+    """The next keyframes; after a refused or forgotten one nothing is known of the motion."""
+    broken = False
+    while live.next_seq <= contiguous:
+        keyframe = live.waiting.pop(live.next_seq, None)
+        live.next_seq += 1
+        if keyframe is None:
+            broken = True
+            continue
+        yield msgspec.structs.replace(keyframe, odom=None) if broken else keyframe
+        broken = False
+
+
+def _follow(live: LiveRobot, run: list[Keyframe], book: MapBook) -> Pose | None:
+    """Of a long run only the end is corrected by sightings: who catches up need not look at all."""
+    for i, keyframe in enumerate(run):
+        live.tail.append(keyframe)
+        if i < len(run) - MAX_CORRECTED:
+            keyframe = msgspec.structs.replace(keyframe, sightings=())
+        now = _step(live.track, keyframe)
+        _remember(live, keyframe.t_ns, now)
+        live.pose = _pose(live, keyframe.t_ns, now, book)
+    return live.pose
+
+
+def _step(track: Track, keyframe: Keyframe) -> LivePose:
+    """A track that fails on what it was given is lost, until sightings find it again."""
+    try:
+        return track.step(keyframe)
+    except _NUMERIC:
+        track.interrupt()
+        return track.live()
+
+
+def _remember(live: LiveRobot, t_ns: int, now: LivePose) -> None:
+    if now.T_map_base is not None and now.cov is not None:
+        moment = Moment(live.hello.session, t_ns, now.T_map_base, np.array(upper(now.cov)))
+        live.moments.append(moment)
+
+
+def _pose(live: LiveRobot, t_ns: int, now: LivePose, book: MapBook) -> Pose:
+    state = "degraded" if now.state == "good" and book.gauge == "floating" else now.state
+    return Pose(
+        T_map_base=None if now.T_map_base is None else transform(now.T_map_base),
+        T_map_odom=None if now.T_map_odom is None else transform(now.T_map_odom),
+        robot_session=live.hello.session,
+        cov=None if now.cov is None else upper(now.cov),
+        map_version=book.number,
+        gauge=book.gauge,
+        state=state,
+        dop=None,
+        protection_level_m=None,
+        source="service",
+        t_ns=t_ns,
+    )

@@ -1,0 +1,104 @@
+"""Start and end of the map service: what it opens, in which order, and how it leaves."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import structlog
+
+from tagmap.link.keys import Keys
+from tagmap.link.query import Query
+from tagmap.link.router import RouterProcess
+from tagmap.link.session import Link
+from tagmap.mapping.draft import Arrival
+from tagmap.mapping.surveying import SurveyedPosition
+from tagmap.service import logs
+from tagmap.service.archive import Archive
+from tagmap.service.inbox import Inbox
+from tagmap.service.shell import Presence, Service
+from tagmap.service.solver import SolverProcess
+from tagmap.store import SiteStore
+
+CAPACITY = 4096
+RING = 8192
+OWN_ROUTER_S = 5.0
+ARCHIVE_STOP_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """`listen` starts a router of our own there; otherwise we are a client of others."""
+
+    site: str
+    db: Path
+    listen: str | None
+    connect: tuple[str, ...]
+    zenoh_config: Path | None
+    surveys: list[SurveyedPosition]
+
+
+def run(settings: Settings) -> None:
+    """Serve until SIGTERM or SIGINT. StoreError or LinkError in one line when it cannot start."""
+    logs.configure()
+    stopping = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stopping.set())
+    log = structlog.get_logger("service")
+    with ExitStack() as opened:
+        store = opened.enter_context(SiteStore.open(settings.db, settings.site))
+        router = opened.enter_context(RouterProcess(settings.listen)) if settings.listen else None
+        link = opened.enter_context(_link(settings, stopping))
+        inbox = Inbox(CAPACITY)
+        opened.callback(inbox.close)
+        archive = opened.enter_context(_archive(settings))
+        solver = SolverProcess(settings.db, settings.site, inbox.put)
+        opened.callback(solver.stop)
+        service = Service(store, link, router, solver, archive, inbox)
+        service.survey(settings.surveys)
+        _listen(link, Keys(settings.site), inbox)
+        endpoints = [settings.listen] if settings.listen else list(settings.connect)
+        log.info("serving", site=settings.site, db=str(settings.db), endpoints=endpoints)
+        service.run(stopping)
+        log.info("stopping")
+
+
+def _link(settings: Settings, stopping: threading.Event) -> Link:
+    """Other people's routers may come later than we do; our own is there."""
+    log = structlog.get_logger("service")
+    return Link.open(
+        [settings.listen] if settings.listen else list(settings.connect),
+        zenoh_config=settings.zenoh_config,
+        wait_s=OWN_ROUTER_S if settings.listen else None,
+        stopped=stopping.is_set,
+        on_waiting=lambda reason: log.warning("waiting for a router", reason=reason),
+    )
+
+
+@contextmanager
+def _archive(settings: Settings) -> Iterator[Archive]:
+    archive = Archive(settings.db, settings.site)
+    archive.start()
+    yield archive
+    archive.stop(ARCHIVE_STOP_S)
+
+
+def _listen(link: Link, keys: Keys, inbox: Inbox) -> None:
+    """Everything that arrives goes into the inbox, whatever it is."""
+
+    def on_keyframe(key: str, payload: bytes) -> None:
+        inbox.put_arrival(Arrival(keys.robot_of(key) or "", payload))
+
+    def on_presence(key: str, alive: bool) -> None:
+        inbox.put(Presence(keys.robot_of(key) or "", alive))
+
+    def on_query(query: Query) -> None:
+        inbox.put(query)
+
+    link.watch_alive(keys.alive(), on_presence)
+    for key_expr in (keys.ack(), keys.pose(), f"{keys.map_tags()}/**", keys.localize()):
+        link.serve(key_expr, on_query)
+    link.serve(keys.admin(), on_query)
+    link.subscribe(keys.keyframes(), on_keyframe, capacity=RING)

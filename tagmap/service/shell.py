@@ -1,0 +1,229 @@
+"""The loop that owns the state: takes what arrived, has the mapper judge it, commits, and tells.
+
+Nothing is acknowledged before it is on the disk. When a commit fails the mapper is ahead of the
+database: it is thrown away and restored from there, and the robots send again.
+"""
+
+import threading
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import structlog
+
+from tagmap.errors import LinkError, StoreError
+from tagmap.link.keys import Keys
+from tagmap.link.query import Query
+from tagmap.link.router import RouterProcess
+from tagmap.link.session import Link
+from tagmap.mapper import Adoption, Mapper, Outcome
+from tagmap.mapping.draft import Arrival
+from tagmap.mapping.surveying import SurveyedPosition, surveyed
+from tagmap.records import encode
+from tagmap.service.admin import Args
+from tagmap.service.archive import Archive
+from tagmap.service.desk import Desk
+from tagmap.service.inbox import Inbox
+from tagmap.service.logs import Throttle
+from tagmap.service.restore import restore
+from tagmap.service.solver import Failed, Solved, SolverProcess
+from tagmap.service.solving import Solving
+from tagmap.store import Batch, RefusalRow, SiteStore, Survey
+
+BATCH = 512
+TURN_S = 0.1
+ROUTER_CHECK_S = 0.5
+RETRY_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    robot: str
+    alive: bool
+
+
+class Service:
+    """Everything here runs in the thread that calls `run`."""
+
+    def __init__(
+        self,
+        store: SiteStore,
+        link: Link,
+        router: RouterProcess | None,
+        solver: SolverProcess,
+        archive: Archive,
+        inbox: Inbox,
+    ) -> None:
+        self.store, self.link, self.router, self.inbox = store, link, router, inbox
+        self.keys = Keys(store.site)
+        self.log = structlog.get_logger("service")
+        self.throttle = Throttle()
+        self.mapper: Mapper = restore(store)
+        self.desk = Desk(self.keys, self.mapper, archive)
+        self.desk.commands[("site", "status")] = self._status
+        self.desk.commands[("tags", "survey")] = self._survey_one
+        self.desk.commands[("map", "solve")] = lambda query, _: self.solving.wait(query)
+        self.solving = Solving(store, solver, self.desk)
+        self.broken_until_s: float | None = None
+        self.router_check_s = 0.0
+
+    def run(self, stopping: threading.Event) -> None:
+        while not stopping.is_set():
+            events, arrivals = self.inbox.take(BATCH, TURN_S)
+            if self._is_sound():
+                for event in events:
+                    self._handle(event)
+                self._ingest(arrivals)
+                self.solving.tick()
+            else:
+                self._turn_away(events)
+            self._keep_router()
+            self._report_flood()
+
+    def survey(self, positions: Iterable[SurveyedPosition]) -> int:
+        """Store what is new among `positions`; returns how many that were."""
+        new = [p for p in positions if self.mapper.surveys.get(p.tag) != p]
+        if new:
+            rows = [Survey(p.tag, p.p_m, p.sigma_m, time.time_ns()) for p in new]
+            self.store.commit(Batch(surveys=rows))
+            self.mapper.surveys.update({p.tag: p for p in new})
+            self.solving.cadence.changed()
+            self.solving.cadence.want()
+            self.log.info("surveyed", tags=[p.tag for p in new])
+        return len(new)
+
+    def _handle(self, event: Any) -> None:
+        match event:
+            case Query():
+                self.desk.answer(event)
+            case Presence():
+                self.mapper.presence(event.robot, event.alive)
+                self.log.info("robot", robot=event.robot, alive=event.alive)
+            case Solved():
+                self._adopt(event)
+            case Failed():
+                self.solving.fail(event)
+
+    def _ingest(self, arrivals: list[Arrival]) -> None:
+        if not arrivals:
+            return
+        try:
+            outcome = self.mapper.step(arrivals)
+            if outcome.has_facts:
+                self.store.commit(_batch(outcome, time.time_ns()))
+        except Exception as error:
+            self._break(error)
+            return
+        self._publish(outcome)
+        if outcome.hellos or outcome.keyframes:
+            self.solving.cadence.changed()
+        for event in outcome.events:
+            if self.throttle.allows(event.name):
+                self.log.info(event.name, **event.fields)
+
+    def _publish(self, outcome: Outcome) -> None:
+        for robot, ack in outcome.acks:
+            self.link.put(self.keys.ack(robot), encode(ack))
+        for robot, pose in outcome.poses.items():
+            self.link.put(self.keys.pose(robot), encode(pose))
+
+    def _adopt(self, result: Solved) -> None:
+        try:
+            adoption = self.solving.finish(result, self.mapper, time.time_ns())
+        except Exception as error:
+            self.solving.fail(Failed(str(error)))
+            self._break(error)
+            return
+        if adoption is not None:
+            self.link.put(self.keys.map_version(), encode(adoption.version))
+            for tag in adoption.changed:
+                self.link.put(self.keys.map_tag(tag.tag), encode(tag))
+            for robot, pose in adoption.poses.items():
+                self.link.put(self.keys.pose(robot), encode(pose))
+            self._log_version(adoption)
+        self.solving.settle()
+
+    def _log_version(self, adoption: Adoption) -> None:
+        version, summary = adoption.version, self.solving.summary or {}
+        told = ("keyframes", "converged", "inliers", "rejected", "solve_s")
+        self.log.info(
+            "map version",
+            version=version.version,
+            cause=version.cause,
+            gauge=version.gauge,
+            tags=version.tags,
+            withheld=version.withheld,
+            **{name: summary[name] for name in told},
+        )
+
+    def _break(self, error: Exception) -> None:
+        """The mapper is ahead of the database, or broken: no acknowledgement, start over."""
+        if self.broken_until_s is None:
+            known = isinstance(error, StoreError)
+            self.log.error("commit failed", reason=str(error), exc_info=None if known else error)
+        self.broken_until_s = time.monotonic() + RETRY_S
+
+    def _is_sound(self) -> bool:
+        """Restore the mapper some time after something broke; keyframes that arrive meanwhile are
+        lost, as on a bad link."""
+        if self.broken_until_s is None:
+            return True
+        if time.monotonic() < self.broken_until_s:
+            return False
+        try:
+            self.store.commit(Batch())
+            mapper = restore(self.store)
+        except StoreError:
+            self.broken_until_s = time.monotonic() + RETRY_S
+            return False
+        mapper.alive = self.mapper.alive
+        self.mapper = self.desk.mapper = mapper
+        self.broken_until_s = None
+        self.log.info("restored from the database")
+        return True
+
+    def _turn_away(self, events: list[Any]) -> None:
+        for event in events:
+            if isinstance(event, Query):
+                event.reply_error("the service cannot write its database; see its log")
+            elif isinstance(event, Solved):
+                self.solving.fail(Failed("the database could not be written"))
+            else:
+                self._handle(event)
+
+    def _keep_router(self) -> None:
+        now_s = time.monotonic()
+        if self.router is None or now_s < self.router_check_s:
+            return
+        self.router_check_s = now_s + ROUTER_CHECK_S
+        status = self.router.poll()
+        if status is None:
+            return
+        self.log.error("router ended, starting another", status=status)
+        try:
+            self.router.start()
+        except LinkError as error:
+            self.log.error("no router", reason=str(error))
+
+    def _report_flood(self) -> None:
+        for name, count in self.throttle.turn(time.monotonic()).items():
+            self.log.warning("more of the same", of=name, count=count)
+
+    def _status(self, query: Query, _args: Args) -> None:
+        head, solver = self.mapper.status(), self.solving.state()
+
+        def lookup(store: SiteStore) -> Any:
+            return head | asdict(store.counts()) | {"solver": solver}
+
+        self.desk.look_up(query, lookup)
+
+    def _survey_one(self, query: Query, args: Args) -> None:
+        p_m = [args.get(name) for name in ("x_m", "y_m", "z_m")]
+        self.survey([surveyed(args.get("tag"), p_m, args.get("sigma_m"))])
+        self.desk.confirm(query, {"tag": args["tag"], "surveyed": len(self.mapper.surveys)})
+
+
+def _batch(outcome: Outcome, now_ns: int) -> Batch:
+    refusals = [RefusalRow(r.robot, r.session, r.seq, r.reason, now_ns) for r in outcome.refused]
+    return Batch(hellos=outcome.hellos, keyframes=outcome.keyframes, refusals=refusals)

@@ -1,0 +1,163 @@
+"""When the solver works, who waits for it, and how its result becomes a map version."""
+
+import time
+from typing import Any
+
+import msgspec
+import structlog
+
+from tagmap.link.query import Query
+from tagmap.mapper import Adoption, Mapper
+from tagmap.service.cadence import Cadence
+from tagmap.service.desk import Desk
+from tagmap.service.facts import Extent, survey_marks
+from tagmap.service.solver import Failed, Solved, SolverProcess
+from tagmap.store import SessionPoses, SiteStore
+
+
+class Solving:
+    """`solved` is what the newest map version was made from."""
+
+    def __init__(self, store: SiteStore, solver: SolverProcess, desk: Desk) -> None:
+        self.cadence = Cadence()
+        self.solved = _solved_extent(store)
+        self.summary: dict[str, Any] | None = _summary(store)
+        self._store, self._solver, self._desk = store, solver, desk
+        self._waiting: list[tuple[int, Query]] = []
+        self._log = structlog.get_logger("solving")
+        if _has_news(store, self.solved):
+            self.cadence.changed()
+
+    def tick(self) -> None:
+        now_s = time.monotonic()
+        if self.cadence.is_due(now_s):
+            self.cadence.start(now_s)
+            self._solver.order()
+
+    def wait(self, query: Query) -> None:
+        """Answer when everything that is committed now is in the map."""
+        if self.cadence.solved >= self.cadence.have:
+            self._tell(query)
+        else:
+            self._waiting.append((self.cadence.want(), query))
+
+    def fail(self, failed: Failed) -> None:
+        """A child that ends while it has nothing to do is replaced without fuss."""
+        if self.cadence.running is None:
+            self._log.info("solver process replaced at the next solve", reason=failed.reason)
+            return
+        self.cadence.fail(time.monotonic())
+        self._log.error("solve failed", reason=failed.reason, failures=self.cadence.failures)
+        for _, query in self._waiting:
+            self._desk.refuse(query, f"the solve failed: {failed.reason}")
+        self._waiting.clear()
+
+    def finish(self, result: Solved, mapper: Mapper, now_ns: int) -> Adoption | None:
+        """The next version, committed; None when it would be the one there is.
+
+        Raises StoreError when it cannot be committed; the mapper is then ahead of the database.
+        """
+        if self.cadence.running is None:
+            return None
+        if result.solution is None or result.extent == self.solved:
+            self.cadence.finish(time.monotonic())
+            return None
+        adoption = mapper.adopt(result.solution, self._cause(result), now_ns)
+        summary = _summarise(result, adoption)
+        self._store.commit_version(adoption.version, adoption.tags, _poses(result), summary)
+        self.solved, self.summary = result.extent, summary
+        self.cadence.finish(time.monotonic())
+        return adoption
+
+    def settle(self) -> None:
+        """Answer those whose wait is over, after the version was published."""
+        over = [query for wanted, query in self._waiting if wanted <= self.cadence.solved]
+        self._waiting = [one for one in self._waiting if one[0] > self.cadence.solved]
+        for query in over:
+            self._tell(query)
+        if self._waiting:
+            self.cadence.want()
+
+    def state(self) -> dict[str, Any]:
+        """For `tagmap status`."""
+        return {
+            "state": "waiting" if self.cadence.running is None else "solving",
+            "pending": self.cadence.solved < self.cadence.have,
+            "failures": self.cadence.failures,
+            "pid": self._solver.pid,
+            "solve_s": None if self.summary is None else self.summary.get("solve_s"),
+        }
+
+    def _tell(self, query: Query) -> None:
+        version = self._desk.mapper.book.version
+        if version is None:
+            self._desk.refuse(query, "there is nothing to solve: no keyframes are stored")
+            return
+        self._desk.confirm(query, msgspec.to_builtins(version) | {"summary": self.summary})
+
+    def _cause(self, result: Solved) -> str:
+        if self.solved == Extent():
+            return "first map"
+        if result.extent.surveys != self.solved.surveys:
+            return "survey"
+        return f"keyframes up to {result.extent.through_id}"
+
+
+def _summarise(result: Solved, adoption: Adoption) -> dict[str, Any]:
+    solution = result.solution
+    assert solution is not None
+    return {
+        "keyframes": result.keyframes,
+        "converged": solution.converged,
+        "iterations": solution.iterations,
+        "cost": float(solution.cost),
+        "inliers": solution.inliers,
+        "rejected": solution.rejected,
+        "scale": solution.scale,
+        "stereo_scale": solution.stereo_scale,
+        "solve_s": solution.solve_s,
+        "report": list(solution.report),
+        "facts": msgspec.to_builtins(result.extent),
+        "ends": msgspec.to_builtins(adoption.ends),
+    }
+
+
+def _poses(result: Solved) -> list[SessionPoses]:
+    """Covariances are stored where all poses of a session have one."""
+    assert result.solution is not None
+    return [
+        SessionPoses(
+            robot=session.robot,
+            session=session.session,
+            seqs=session.seqs,
+            t_ns=session.t_ns,
+            T=session.T,
+            cov=session.cov if session.cov is not None and _is_finite(session.cov) else None,
+        )
+        for session in result.solution.sessions
+        if session.connected and len(session.seqs)
+    ]
+
+
+def _is_finite(values: Any) -> bool:
+    import numpy as np
+
+    return bool(np.isfinite(values).all())
+
+
+def _summary(store: SiteStore) -> dict[str, Any] | None:
+    version = store.latest_version()
+    return None if version is None else store.summary(version.version)
+
+
+def _solved_extent(store: SiteStore) -> Extent:
+    summary = _summary(store)
+    return Extent() if summary is None else msgspec.convert(summary["facts"], Extent)
+
+
+def _has_news(store: SiteStore, solved: Extent) -> bool:
+    """Whether facts were committed after the newest version was solved."""
+    if next(iter(store.keyframes(after_id=solved.through_id)), None) is not None:
+        return True
+    hellos = sum(row.hello is not None for row in store.sessions())
+    return (hellos, survey_marks(store.surveys())) != (solved.sessions, solved.surveys)
