@@ -30,7 +30,11 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True)
 class TagTable:
-    """The map: index of each tag id; p_map (M, d); root (M, d, d) with root root^T = cov."""
+    """The map: index of each tag id; p_map (M, d); root (M, d, d), symmetric, with root^2 = cov.
+
+    The symmetric root varies smoothly with cov and turns with the map, so errors expressed in it
+    keep their meaning from one map version to the next.
+    """
 
     index: Mapping[str, int]
     p_map: Array
@@ -38,11 +42,15 @@ class TagTable:
 
     @classmethod
     def of(cls, kind: Kind, tags: Mapping[str, tuple[Array, Array]]) -> "TagTable":
-        """From p_map (d,) and cov (d, d) per tag id."""
+        """From p_map (d,) and cov (d, d) per tag id; tags that are not finite are left out."""
         d = 3 if kind == "spatial" else 2
-        p_map = np.array([p for p, _ in tags.values()]).reshape(-1, d)
-        cov = np.array([cov for _, cov in tags.values()]).reshape(-1, d, d)
-        return cls({tag: i for i, tag in enumerate(tags)}, p_map, np.linalg.cholesky(cov))
+        known = {t: (p, c) for t, (p, c) in tags.items() if np.isfinite([p.sum(), c.sum()]).all()}
+        p_map = np.array([p for p, _ in known.values()]).reshape(-1, d)
+        cov = np.array([cov for _, cov in known.values()]).reshape(-1, d, d)
+        variances, axes = np.linalg.eigh(cov)
+        sigmas = np.sqrt(np.maximum(variances, 0.0))
+        root = (axes * sigmas[:, None, :]) @ axes.swapaxes(-1, -2)
+        return cls({tag: i for i, tag in enumerate(known)}, p_map, root)
 
     def __len__(self) -> int:
         return len(self.p_map)

@@ -15,9 +15,9 @@ from tagmap.conventions import POSE_DOF, Array
 from tagmap.geometry.covariance import unpack_upper
 from tagmap.localisation.fix import fix
 from tagmap.localisation.scene import Scene, Sensor, TagTable, lie, look
-from tagmap.localisation.update import Belief, update
+from tagmap.localisation.update import Belief, sigmas, update
 from tagmap.records.arrays import matrix
-from tagmap.records.keyframe import Keyframe, Measurement
+from tagmap.records.keyframe import MAX_SIGHTINGS, Keyframe, Measurement
 from tagmap.records.pose import PoseState
 
 
@@ -29,7 +29,8 @@ class Thresholds:
     lost_m, lost_rad  more than this is `lost`
     reopen            contradicted keyframes after which a fix from scratch may replace the pose
     lose              contradicted keyframes after which the pose is given up
-    window            latest keyframes with mapped tags that a fix may use
+    window            latest keyframes with mapped tags that a fix may use, while odometry links
+    drift_m, drift_rad  them to the present with at most this much 1-sigma uncertainty
     """
 
     good_m: float = 0.15
@@ -39,6 +40,8 @@ class Thresholds:
     reopen: int = 3
     lose: int = 8
     window: int = 16
+    drift_m: float = 0.5
+    drift_rad: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,10 +95,11 @@ class Track:
         if belief is None or T_new_old is None:
             self._belief = None
             return
-        cross = np.zeros((len(table), *belief.cross.shape[1:]))
+        turned = belief.cross @ T_new_old[: self._d, : self._d].T
+        cross = np.zeros((len(table), *turned.shape[1:]))
         for tag, row in table.index.items():
             if (before := old.index.get(tag)) is not None:
-                cross[row] = belief.cross[before]
+                cross[row] = turned[before]
         self._belief = Belief(T_new_old @ belief.T_map_base, belief.cov, cross)
 
     def start_from(self, T_map_base: Array, cov: Array) -> None:
@@ -145,6 +149,13 @@ class Track:
         for past in self._window:
             past.T_then_now = past.T_then_now @ T_step
             past.cov = Ad @ past.cov @ Ad.T + cov_step
+        while self._window and self._is_adrift(self._window[0]):
+            self._window.popleft()
+
+    def _is_adrift(self, past: _Past) -> bool:
+        sigma_m, sigma_rad = sigmas(past.cov)
+        limits = self._thresholds
+        return not (sigma_m <= limits.drift_m and sigma_rad <= limits.drift_rad)
 
     def _remember(self, seen: Seen, T_cam_base: Array) -> None:
         dof = POSE_DOF[self._sensor.kind]
@@ -178,7 +189,7 @@ class Track:
 
     def _window_scene(self, n: int) -> Scene:
         """The latest n keyframes of the window as if seen from the present base."""
-        recent = list(self._window)[-n:]
+        recent = self._latest(n)
         measurements = [z for past in recent for z in past.seen[0]]
         tags = [tag for past in recent for tag in past.seen[1]]
         counts = [len(past.seen[1]) for past in recent]
@@ -192,6 +203,17 @@ class Track:
             np.repeat(np.array([past.cov for past in recent]), counts, axis=0),
         )
 
+    def _latest(self, n: int) -> list[_Past]:
+        """At most n keyframes, and no more than one fix can look through at once."""
+        chosen: list[_Past] = []
+        room = MAX_SIGHTINGS
+        for past in list(self._window)[: -n - 1 : -1]:
+            room -= len(past.seen[1])
+            if chosen and room < 0:
+                break
+            chosen.append(past)
+        return chosen[::-1]
+
     def _restart(self, belief: Belief) -> None:
         self._belief = belief
         self._contradicted = 0
@@ -200,7 +222,7 @@ class Track:
         belief, limits = self._belief, self._thresholds
         if belief is None:
             return
-        sigma_m, sigma_rad = belief.sigmas()
+        sigma_m, sigma_rad = sigmas(belief.cov)
         beyond = sigma_m > limits.lost_m or sigma_rad > limits.lost_rad
         if beyond or self._contradicted >= limits.lose or not np.isfinite(sigma_m + sigma_rad):
             self._belief = None
@@ -213,7 +235,7 @@ class Track:
             self._window.popleft()
 
     def _is_good(self, belief: Belief) -> bool:
-        sigma_m, sigma_rad = belief.sigmas()
+        sigma_m, sigma_rad = sigmas(belief.cov)
         limits = self._thresholds
         certain = sigma_m <= limits.good_m and sigma_rad <= limits.good_rad
         return self._anchored and certain and self._contradicted == 0

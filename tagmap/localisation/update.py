@@ -36,10 +36,11 @@ class Belief:
         cov = Ad @ self.cov @ Ad.T + cov_step
         return Belief(self.T_map_base @ T_step, cov, Ad @ self.cross)
 
-    def sigmas(self) -> tuple[float, float]:
-        """Root of the total position variance in m, and of the total rotation variance in rad."""
-        variance, d = np.diagonal(self.cov), self.T_map_base.shape[0] - 1
-        return float(np.sqrt(variance[:d].sum())), float(np.sqrt(variance[d:].sum()))
+
+def sigmas(cov: Array) -> tuple[float, float]:
+    """Root of the total position variance in m, and of the total rotation variance in rad."""
+    variance, d = np.diagonal(cov), 3 if len(cov) == 6 else 2
+    return float(np.sqrt(variance[:d].sum())), float(np.sqrt(variance[d:].sum()))
 
 
 def update(scene: Scene, belief: Belief) -> tuple[Belief, Mask]:

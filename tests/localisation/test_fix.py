@@ -195,6 +195,17 @@ def test_a_minority_that_agrees_is_no_pose() -> None:
         assert 2 * len(found.inliers) > len(tags)
 
 
+def test_a_table_takes_singular_covariances_and_leaves_out_tags_that_are_nowhere() -> None:
+    tags = {
+        "exact": (np.zeros(2), np.zeros((2, 2))),
+        "flat": (np.ones(2), np.array([[4.0, 2.0], [2.0, 1.0]])),
+        "nowhere": (np.array([np.nan, 0.0]), np.eye(2)),
+    }
+    table = TagTable.of("planar", tags)
+    assert set(table.index) == {"exact", "flat"}
+    np.testing.assert_allclose(table.root[1] @ table.root[1], tags["flat"][1], atol=1e-12)
+
+
 def _nothing_but(found: Fix, word: str) -> None:
     assert found.T_map_base is None
     assert found.cov is None

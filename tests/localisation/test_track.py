@@ -8,9 +8,10 @@ import pytest
 
 from tagmap.conventions import Form, Kind
 from tagmap.geometry import se2
-from tagmap.localisation.scene import TagTable, lie
+from tagmap.localisation.fix import Fix
+from tagmap.localisation.scene import Scene, TagTable, lie
 from tagmap.localisation.track import Live, Thresholds, Track
-from tagmap.records import Keyframe
+from tagmap.records import Keyframe, Sighting
 from tests.localisation import worlds
 from tests.localisation.worlds import World
 
@@ -41,21 +42,21 @@ def _distance_m(world: World, live: Live, T: np.ndarray) -> float:
 @pytest.mark.parametrize(("kind", "form"), CASES)
 @pytest.mark.parametrize("sigma_tag_m", [0.002, 0.05])
 def test_nees_at_the_end_of_a_drive(kind: Kind, form: Form, sigma_tag_m: float) -> None:
-    """30 drives past uncertain tags, each seen from many places: the same errors again and again.
+    """20 drives past uncertain tags, each seen from many places: the same errors again and again.
 
     Means of chi-square(dof) within four standard deviations.
     """
     nees = []
-    for seed in range(30):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         world = _world(kind, rng, sigma_tag_m)
-        T = worlds.circle(kind, 40)
+        T = worlds.circle(kind, 30)
         live = _follow(_track(world), worlds.drive(world, T, rng, form))[-1]
         assert live.T_map_base is not None
         error = worlds.pose_error(kind, live.T_map_base, T[-1])
         nees.append(error @ np.linalg.solve(live.cov, error))  # type: ignore[arg-type]
     dof = len(error)
-    assert np.mean(nees) == pytest.approx(dof, abs=4.0 * np.sqrt(2.0 * dof / 30))
+    assert np.mean(nees) == pytest.approx(dof, abs=4.0 * np.sqrt(2.0 * dof / 20))
 
 
 @pytest.mark.parametrize(("kind", "form"), CASES)
@@ -225,3 +226,25 @@ def test_identities_that_are_probably_false_are_not_used() -> None:
     doubted = tuple(msgspec.structs.replace(s, p_false=0.6) for s in keyframe.sightings)
     live = _track(world).step(msgspec.structs.replace(keyframe, sightings=doubted))
     assert live.state == "lost"
+
+
+def test_a_window_full_of_tags_is_looked_through_in_parts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """256 sightings in every keyframe while lost: pairs are compared for one keyframe's worth."""
+    rng = np.random.default_rng(12)
+    world = _world("planar", rng)
+    keyframes = worlds.drive(world, worlds.circle("planar", 6), rng, "range_bearing")
+    looked_at: list[int] = []
+    monkeypatch.setattr("tagmap.localisation.track.fix", lambda scene: _count(scene, looked_at))
+    _follow(_track(world), [msgspec.structs.replace(k, sightings=_crowd(k)) for k in keyframes])
+    assert looked_at == [256] * 6
+
+
+def _crowd(keyframe: Keyframe) -> tuple[Sighting, ...]:
+    return tuple(keyframe.sightings[i % len(keyframe.sightings)] for i in range(256))
+
+
+def _count(scene: Scene, looked_at: list[int]) -> Fix:
+    looked_at.append(len(scene))
+    return Fix(None, None, None, 0, (), "nothing")

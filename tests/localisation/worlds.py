@@ -73,16 +73,16 @@ def see(
     """Noisy measurements of the visible tags; a share `wrong` of them with another tag's id."""
     group = lie(world.kind)
     T_cam_map = group.inverse(T_map_base @ world.T_base_cam)
-    measurements, tags = [], []
-    for tag, p_map in world.p.items():
-        p_cam = group.act(T_cam_map, p_map)
-        if not _is_visible(world, p_cam):
-            continue
-        z, _ = measurement.predict(form, world.kind, p_cam, world.sensor.rig)
-        cov = NOISE[form][: len(z), : len(z)]
-        measurements.append(record(form, rng.multivariate_normal(z, cov), cov))
-        tags.append(str(rng.choice(list(world.p))) if rng.random() < wrong else tag)
-    return measurements, tags
+    if not world.p:
+        return [], []
+    names = np.array(list(world.p))
+    p_cam = group.act(T_cam_map, np.array(list(world.p.values())))
+    visible = _are_visible(world, p_cam)
+    z, _ = measurement.predict(form, world.kind, p_cam[visible], world.sensor.rig)
+    cov = NOISE[form][: z.shape[1], : z.shape[1]]
+    noisy = z + rng.multivariate_normal(np.zeros(len(cov)), cov, size=len(z))
+    tags = [str(rng.choice(names)) if rng.random() < wrong else str(n) for n in names[visible]]
+    return [record(form, one, cov) for one in noisy], tags
 
 
 def record(form: Form, z: Array, cov: Array) -> Measurement:
@@ -92,12 +92,12 @@ def record(form: Form, z: Array, cov: Array) -> Measurement:
     return Measurement(**{form: arrays.vector(z)}, cov=upper)
 
 
-def _is_visible(world: World, p_cam: Array) -> bool:
+def _are_visible(world: World, p_cam: Array) -> Array:
     if world.kind == "planar":
-        return bool(p_cam[0] > 0.0 and np.hypot(*p_cam) < 6.0)
+        return (p_cam[:, 0] > 0.0) & (np.hypot(*p_cam.T) < 6.0)
     px, _ = measurement.predict("stereo_px", "spatial", p_cam, world.sensor.rig)
     inside = (px > 0.0) & (px < [1280.0, 800.0, 1280.0, 800.0])
-    return bool(p_cam[2] > 0.3 and inside.all())
+    return (p_cam[:, 2] > 0.3) & inside.all(axis=1)
 
 
 def circle(kind: Kind, n: int) -> Array:
