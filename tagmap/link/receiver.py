@@ -29,7 +29,7 @@ class Receiver:
     def __init__(self, declared: Declared, handle: Callable[[Any], None], name: str) -> None:
         self._declared = declared
         self._handle = handle
-        # A daemon, so that a program which forgets to close its link can still exit.
+        # A daemon, so that a program which forgets to close its link gets as far as atexit.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 

@@ -58,13 +58,12 @@ class RouterProcess:
         return None if self._process is None else self._process.poll()
 
     def stop(self, timeout_s: float = STOP_S) -> None:
-        """Ask it to leave, then make it. May be repeated."""
+        """Have it leave, as when its parent dies, or else make it. May be repeated."""
         if self._process is None:
             return
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 pipe.close()
-        self._process.terminate()
         try:
             self._process.wait(timeout_s)
         except subprocess.TimeoutExpired:

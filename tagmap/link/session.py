@@ -9,6 +9,7 @@ While no router is there a put is lost and a get answers nothing: "empty" means 
 Callbacks run in the link's threads, one per declaration: they enqueue, and return.
 """
 
+import atexit
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -59,6 +60,8 @@ class Link:
         self._session = session
         self._receivers: list[Receiver] = []
         self._tokens: list[zenoh.LivelinessToken] = []
+        # The interpreter cannot end cleanly while our threads wait inside Zenoh.
+        atexit.register(self.close)
 
     @classmethod
     def open(
@@ -154,9 +157,14 @@ class Link:
 
     def watch_alive(self, key_expr: str, on_change: Callable[[str, bool], None]) -> None:
         """Call `on_change(key, alive)` for every token there is now and every later change."""
+        held: set[str] = set()
 
         def handle(sample: zenoh.Sample) -> None:
-            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+            key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+            if alive == (key in held):
+                return  # routers repeat themselves when a watch and a token meet
+            (held.add if alive else held.discard)(key)
+            on_change(key, alive)
 
         channel: RingChannel[zenoh.Sample] = RingChannel(4096)
         with _told(key_expr):
@@ -165,7 +173,8 @@ class Link:
         self._receive(declared, handle, key_expr)
 
     def alive(self, key_expr: str, *, timeout_s: float = 2.0) -> list[str]:
-        """Keys of the tokens held now, sorted."""
+        """Keys of the tokens held now, sorted: one look, which may miss some for a moment after
+        they were declared, and any on a link that also watches them. `watch_alive` misses none."""
         with _told(key_expr):
             replies = self._session.liveliness().get(key_expr, timeout=timeout_s)
         return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
@@ -198,6 +207,7 @@ class Link:
             self._session.close()  # type: ignore[no-untyped-call]
         for receiver in receivers:
             receiver.join(JOIN_S)
+        atexit.unregister(self.close)
 
     def __enter__(self) -> Self:
         return self
