@@ -1,19 +1,19 @@
 """The whole service as one screen of verbs, without I/O, clock or log.
 
-What `step` returns has to be committed before any of it is told; when that fails the mapper must
-be thrown away, because it already counts as settled what is not stored.
+What `step` and `adopt` return has to be committed before any of it is told; when that fails the
+mapper must be thrown away, because it already counts as settled what is not stored.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from tagmap.conventions import Array
 from tagmap.localisation.fix import fix
 from tagmap.localisation.scene import Sensor, lie, look
 from tagmap.mapping.book import Edition, MapBook
 from tagmap.mapping.draft import Arrival, Draft, Event, Refused
 from tagmap.mapping.ingest import Ingest
+from tagmap.mapping.ledger import Counters
 from tagmap.mapping.live import Known, LiveRobots
 from tagmap.mapping.past import Moment
 from tagmap.mapping.surveying import SurveyedPosition
@@ -33,16 +33,17 @@ from tagmap.records.arrays import matrix, stereo_rig, transform, upper, vector
 if TYPE_CHECKING:
     from tagmap.estimation.solution import SessionEstimate, Solution
 
+FOLLOW_BUDGET = 128
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Facts to commit, then what to tell: acknowledgements and the newest pose of each robot."""
+    """Facts to commit, then the acknowledgements to tell, by robot."""
 
     hellos: list[Hello]
     keyframes: list[Keyframe]
     refused: list[Refused]
     acks: list[tuple[str, Ack]]
-    poses: dict[str, Pose]
     events: list[Event]
 
     @property
@@ -57,7 +58,6 @@ class Adoption:
     version: MapVersion
     tags: list[Tag]
     changed: list[Tag]
-    poses: dict[str, Pose]
     ends: dict[str, Known] = field(default_factory=dict)
 
 
@@ -71,17 +71,16 @@ class Mapper:
         self.alive: set[str] = set()
 
     def step(self, arrivals: Iterable[Arrival]) -> Outcome:
-        """Judge what arrived, follow the robots, and say what to store and what to tell."""
+        """Judge what arrived, and say what to store and what to acknowledge."""
         draft = Draft()
         for arrival in arrivals:
             self.ingest.take(arrival, draft)
-        poses = self._follow(draft)
+        self._note_progress(draft)
         return Outcome(
             hellos=draft.hellos,
             keyframes=draft.keyframes,
             refused=list(draft.refused.values()),
             acks=self._acks(draft),
-            poses=poses,
             events=draft.events,
         )
 
@@ -89,8 +88,19 @@ class Mapper:
         """Make `solution` the next map version and re-base the robots onto it."""
         edition: Edition = self.book.adopt(solution, cause, now_ns)
         ends = {f"{s.robot}/{s.session}": _end(s) for s in solution.sessions if len(s.seqs)}
-        poses = self._rebase(ends, edition.T_new_old)
-        return Adoption(edition.version, edition.tags, edition.changed, poses, ends)
+        for robot, live in self.live.robots.items():
+            known = ends.get(f"{robot}/{live.hello.session}")
+            self.live.rebase(robot, known, self.book, edition.T_new_old)
+        return Adoption(edition.version, edition.tags, edition.changed, ends)
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether there is something to `follow`."""
+        return bool(self.live.behind)
+
+    def follow(self) -> dict[str, Pose]:
+        """Let the live poses follow what was stored, for a bounded time; the new ones."""
+        return self.live.follow(self.book, FOLLOW_BUDGET)
 
     def ack(self, robot: str, session: str | None = None) -> Ack | None:
         """Of one session, heard of or not, or of the robot's newest one."""
@@ -140,7 +150,7 @@ class Mapper:
     def status(self) -> dict[str, Any]:
         """What `tagmap status` shows of the mapper; counters are of all robots together."""
         ledgers = self.ingest.robots.values()
-        counters = [ledger.counters.as_dict() for ledger in ledgers]
+        counters = [ledger.counters.as_dict() for ledger in ledgers] or [Counters().as_dict()]
         version = self.book.version
         return {
             "site": self.site,
@@ -154,34 +164,20 @@ class Mapper:
             | {"stray": self.ingest.stray},
         }
 
-    def _follow(self, draft: Draft) -> dict[str, Pose]:
+    def _note_progress(self, draft: Draft) -> None:
         for hello in draft.hellos:
             index = self.ingest.robots[hello.robot].sessions[hello.session]
             self.live.open(index, self.book)
         for keyframe in draft.keyframes:
             self.live.offer(keyframe)
-        poses = {}
         for robot, session in draft.touched:
-            index = self.ingest.robots[robot].sessions[session]
-            pose = self.live.follow(index, self.book)
-            if pose is not None:
-                poses[robot] = pose
-        return poses
+            self.live.reach(self.ingest.robots[robot].sessions[session])
 
     def _acks(self, draft: Draft) -> list[tuple[str, Ack]]:
         return [
             (robot, self.ingest.robots[robot].sessions[session].ack(seqs))
             for (robot, session), seqs in draft.touched.items()
         ]
-
-    def _rebase(self, ends: dict[str, Known], T_new_old: Array | None) -> dict[str, Pose]:
-        poses = {}
-        for robot, live in self.live.robots.items():
-            known = ends.get(f"{robot}/{live.hello.session}")
-            pose = self.live.rebase(robot, known, self.book, T_new_old)
-            if pose is not None:
-                poses[robot] = pose
-        return poses
 
 
 def _end(session: "SessionEstimate") -> Known:

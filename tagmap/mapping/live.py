@@ -1,15 +1,15 @@
 """Where the robots are now: one track per robot, fed with its newest session in the order of seq.
 
 A new map re-bases a track: it starts again from the session's last solved pose and follows the
-keyframes since then once more.
+keyframes since then once more. Following is done in small portions, so that nobody waits for it.
 """
 
 from collections import deque
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from tagmap.conventions import Array
 from tagmap.errors import TagmapError
@@ -24,7 +24,9 @@ from tagmap.records.arrays import covariance, matrix, stereo_rig, transform, upp
 from tagmap.records.base import Vector
 
 MAX_TAIL = 4096
+MAX_WAITING = 2 * MAX_TAIL
 MAX_CORRECTED = 256
+COST_OF_MOVING = 0.2
 _NUMERIC = (ArithmeticError, ValueError, np.linalg.LinAlgError, TagmapError)
 
 
@@ -41,14 +43,18 @@ class Known(msgspec.Struct, frozen=True):
 class LiveRobot:
     """The newest session of one robot.
 
-    waiting  keyframes that came early, by seq
-    tail     keyframes followed since the last solved one, oldest first
-    moments  the poses after them, for questions about the recent past
+    next_seq  the next keyframe to follow; up to `reach` they are settled
+    waiting   keyframes not followed yet, by seq
+    broken    a keyframe was refused or forgotten: nothing is known of the motion to the next one
+    tail      keyframes followed since the last solved one, oldest first
+    moments   the poses after them, for questions about the recent past
     """
 
     hello: Hello
     track: Track
     next_seq: int = 1
+    reach: int = 0
+    broken: bool = False
     waiting: dict[int, Keyframe] = field(default_factory=dict)
     tail: deque[Keyframe] = field(default_factory=lambda: deque(maxlen=MAX_TAIL))
     moments: deque[Moment] = field(default_factory=lambda: deque(maxlen=MAX_TAIL))
@@ -56,59 +62,72 @@ class LiveRobot:
 
 
 class LiveRobots:
-    """By robot."""
+    """By robot. `behind` are those with something new to follow or to tell."""
 
     def __init__(self) -> None:
         self.robots: dict[str, LiveRobot] = {}
+        self.behind: dict[str, None] = {}
 
     def open(self, index: SessionIndex, book: MapBook, known: Known | None = None) -> None:
         """Turn to a session whose hello was accepted, from `known` on or from its beginning."""
         assert index.hello is not None
-        live = LiveRobot(index.hello, _track(index.hello, book))
+        live = self.robots[index.robot] = LiveRobot(index.hello, _track(index.hello, book))
         live.waiting = dict(index.recent)
         if known is not None:
-            live.next_seq = known.seq + 1
             _start_from(live, known, book)
         elif index.recent:
             live.next_seq = min(index.recent)
-        self.robots[index.robot] = live
+        self.reach(index)
 
     def offer(self, keyframe: Keyframe) -> None:
         live = self._of(keyframe.robot, keyframe.session)
-        if live is not None and len(live.waiting) < MAX_TAIL:
+        if live is not None and len(live.waiting) < MAX_WAITING:
             live.waiting[keyframe.seq] = keyframe
 
-    def follow(self, index: SessionIndex, book: MapBook) -> Pose | None:
-        """Go on through everything contiguous; the newest pose, None if there is nothing new."""
+    def reach(self, index: SessionIndex) -> None:
+        """The session is settled up to here: so far it can be followed."""
         live = self._of(index.robot, index.session)
-        if live is None:
-            return None
-        run = list(_run(live, index.contiguous))
-        return _follow(live, run, book) if run else None
+        if live is not None and live.reach < index.contiguous:
+            live.reach = index.contiguous
+            self.behind[index.robot] = None
+
+    def follow(self, book: MapBook, budget: int) -> dict[str, Pose]:
+        """Go on through what is settled, for so many corrections at most, shared by the robots.
+
+        The poses of those who arrived at the end; the others stay behind until the next call.
+        """
+        poses: dict[str, Pose] = {}
+        share = max(1, budget // max(1, len(self.behind)))
+        for robot in list(self.behind):
+            live = self.robots[robot]
+            _follow(live, book, share)
+            if live.next_seq > live.reach:
+                del self.behind[robot]
+                if live.pose is not None:
+                    poses[robot] = live.pose
+        return poses
 
     def rebase(
         self, robot: str, known: Known | None, book: MapBook, T_new_old: Array | None
-    ) -> Pose | None:
+    ) -> None:
         """Turn to a new map, which moved by `T_new_old`; `known` is of the live session.
 
         Where the tail does not reach back to `known`, the pose only moves with the map.
         """
         live = self.robots[robot]
-        if live.pose is None:
-            live.track = _track(live.hello, book)
-            return None
+        self.behind[robot] = None
         if known is None or (live.tail and live.tail[0].seq > known.seq + 1):
             live.moments.clear()
             anchored = book.gauge == "anchored"
             live.track.adopt(book.table, anchored, T_new_old, _sensor(live.hello, book))
-            live.pose = _pose(live, live.pose.t_ns, live.track.live(), book)
-            return live.pose
-        since = [keyframe for keyframe in live.tail if keyframe.seq > known.seq]
+            if live.pose is not None:
+                live.pose = _pose(live, live.pose.t_ns, live.track.live(), book)
+            return
+        live.waiting |= {keyframe.seq: keyframe for keyframe in live.tail}
         live.tail.clear()
         live.moments.clear()
         live.track = _track(live.hello, book)
         _start_from(live, known, book)
-        return _follow(live, since, book)
 
     def _of(self, robot: str, session: str) -> LiveRobot | None:
         live = self.robots.get(robot)
@@ -127,6 +146,8 @@ def _track(hello: Hello, book: MapBook) -> Track:
 
 
 def _start_from(live: LiveRobot, known: Known, book: MapBook) -> None:
+    live.waiting = {seq: k for seq, k in live.waiting.items() if seq > known.seq}
+    live.next_seq = known.seq + 1
     if known.cov is not None:
         live.track.start_from(matrix(known.T_map_base), covariance(known.cov))
     now = live.track.live()
@@ -134,29 +155,24 @@ def _start_from(live: LiveRobot, known: Known, book: MapBook) -> None:
     live.pose = _pose(live, known.t_ns, now, book)
 
 
-def _run(live: LiveRobot, contiguous: int) -> Iterable[Keyframe]:
-    """The next keyframes; after a refused or forgotten one nothing is known of the motion."""
-    broken = False
-    while live.next_seq <= contiguous:
+def _follow(live: LiveRobot, book: MapBook, budget: int) -> None:
+    """Who is far behind moves by odometry alone, which is quick, until the end is in sight."""
+    cost = 0.0
+    while live.next_seq <= live.reach and cost < budget:
         keyframe = live.waiting.pop(live.next_seq, None)
         live.next_seq += 1
         if keyframe is None:
-            broken = True
+            live.broken = True
             continue
-        yield msgspec.structs.replace(keyframe, odom=None) if broken else keyframe
-        broken = False
-
-
-def _follow(live: LiveRobot, run: list[Keyframe], book: MapBook) -> Pose | None:
-    """Of a long run only the end is corrected by sightings: who catches up need not look at all."""
-    for i, keyframe in enumerate(run):
+        if live.broken:
+            keyframe = replace(keyframe, odom=None)
+        live.broken = False
         live.tail.append(keyframe)
-        if i < len(run) - MAX_CORRECTED:
-            keyframe = msgspec.structs.replace(keyframe, sightings=())
-        now = _step(live.track, keyframe)
+        is_far = live.reach - keyframe.seq > MAX_CORRECTED
+        cost += COST_OF_MOVING if is_far else 1.0
+        now = _step(live.track, replace(keyframe, sightings=()) if is_far else keyframe)
         _remember(live, keyframe.t_ns, now)
         live.pose = _pose(live, keyframe.t_ns, now, book)
-    return live.pose
 
 
 def _step(track: Track, keyframe: Keyframe) -> LivePose:

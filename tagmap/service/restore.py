@@ -49,4 +49,3 @@ def _restore_live(store: SiteStore, mapper: Mapper, row: SessionRow, end: Any) -
     for keyframe in store.keyframes_of(row.robot, row.session, from_seq):
         index.remember(keyframe)
     mapper.live.open(index, mapper.book, None if end is None else msgspec.convert(end, Known))
-    mapper.live.follow(index, mapper.book)

@@ -70,11 +70,12 @@ class Service:
 
     def run(self, stopping: threading.Event) -> None:
         while not stopping.is_set():
-            events, arrivals = self.inbox.take(BATCH, TURN_S)
+            events, arrivals = self.inbox.take(BATCH, 0.0 if self.mapper.is_behind else TURN_S)
             if self._is_sound():
                 for event in events:
                     self._handle(event)
                 self._ingest(arrivals)
+                self._follow()
                 self.solving.tick()
             else:
                 self._turn_away(events)
@@ -115,17 +116,17 @@ class Service:
         except Exception as error:
             self._break(error)
             return
-        self._publish(outcome)
+        for robot, ack in outcome.acks:
+            self.link.put(self.keys.ack(robot), encode(ack))
         if outcome.hellos or outcome.keyframes:
             self.solving.cadence.changed()
         for event in outcome.events:
             if self.throttle.allows(event.name):
                 self.log.info(event.name, **event.fields)
 
-    def _publish(self, outcome: Outcome) -> None:
-        for robot, ack in outcome.acks:
-            self.link.put(self.keys.ack(robot), encode(ack))
-        for robot, pose in outcome.poses.items():
+    def _follow(self) -> None:
+        """After the commit: no pose is ahead of the database."""
+        for robot, pose in self.mapper.follow().items():
             self.link.put(self.keys.pose(robot), encode(pose))
 
     def _adopt(self, result: Solved) -> None:
@@ -139,8 +140,6 @@ class Service:
             self.link.put(self.keys.map_version(), encode(adoption.version))
             for tag in adoption.changed:
                 self.link.put(self.keys.map_tag(tag.tag), encode(tag))
-            for robot, pose in adoption.poses.items():
-                self.link.put(self.keys.pose(robot), encode(pose))
             self._log_version(adoption)
         self.solving.settle()
 

@@ -73,13 +73,12 @@ class SolverProcess:
         child, self._child = self._child, None
         if child is None:
             return
-        child.terminate()
+        _close(child)
         try:
             child.wait(STOP_S)
         except subprocess.TimeoutExpired:
             child.kill()
             child.wait()
-        _close(child)
 
     def _start(self) -> None:
         self._child = subprocess.Popen(

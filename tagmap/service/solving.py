@@ -100,7 +100,8 @@ class Solving:
             return "first map"
         if result.extent.surveys != self.solved.surveys:
             return "survey"
-        return f"keyframes up to {result.extent.through_id}"
+        before = (self.summary or {}).get("keyframes", 0)
+        return f"{result.keyframes - before} more keyframes"
 
 
 def _summarise(result: Solved, adoption: Adoption) -> dict[str, Any]:

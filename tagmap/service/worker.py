@@ -23,7 +23,9 @@ NICENESS = 10
 
 
 def main(db: str, site: str, solve: str) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Ctrl-C and service managers signal the whole group: the service says when to stop.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     os.nice(NICENESS)
     results = _claim_stdout()
     orders: queue.SimpleQueue[None] = queue.SimpleQueue()
