@@ -18,7 +18,7 @@ SITE = """
 site = "{site}"
 [[routers]]
 name = "router-a"
-addresses = ["127.0.0.1", "localhost"]
+addresses = ["127.0.0.1"]
 listen = "127.0.0.1"
 port = {port}
 """
