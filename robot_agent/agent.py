@@ -8,14 +8,18 @@ the leftovers of earlier ones take the same way.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import msgspec
 
 from robot_agent.flight import Flight, Parcel
+from tagmap.errors import DataError
 from tagmap.records import Ack, Hello, Introduction, Keyframe, Observation, encode
 from tagmap.records.codec import MAX_BYTES
 
 WINDOW = 256
+WINDOW_BYTES = MAX_BYTES
+"""Half of what a Zenoh link queues before it drops: a full window may be sent in one go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +49,19 @@ class Inputs:
 
 
 @dataclass(frozen=True, slots=True)
+class Room:
+    """With nothing under way, every parcel that can be decoded fits."""
+
+    parcels: int
+    bytes: int
+
+    def fitting(self, parcels: Sequence[Parcel]) -> Sequence[Parcel]:
+        """The first of `parcels`, as many as there is room for."""
+        totals = accumulate(len(parcel.payload) for parcel in parcels)
+        return parcels[: min(self.parcels, sum(total <= self.bytes for total in totals))]
+
+
+@dataclass(frozen=True, slots=True)
 class Outputs:
     """What to do now, in this order.
 
@@ -52,7 +69,7 @@ class Outputs:
     settle  at most one acknowledgement per session: forget what it settles
     send    put on the wire; hello first, ascending within a session
     ask     sessions whose acknowledgement to query
-    room    how many parcels from the outbox the next step can take
+    room    what the next step can take from the outbox
     silent  whether the service leaves questions unanswered
     shorn   seqs in `append` that were too large for the wire with their sightings
     torn    sessions of which the service lacks what it had acknowledged; they cannot be settled
@@ -62,7 +79,7 @@ class Outputs:
     settle: Sequence[Ack]
     send: Sequence[Parcel]
     ask: Sequence[str]
-    room: int
+    room: Room
     silent: bool
     shorn: Sequence[int]
     torn: Sequence[str]
@@ -87,7 +104,10 @@ class Agent:
         return list(self._flights)
 
     def hello(self) -> Parcel:
-        """Seq 0 of the session; the shell opens the session in the outbox with it."""
+        """Seq 0 of the session; the shell opens the session in the outbox with it.
+
+        Raises DataError when the introduction is too large for the wire.
+        """
         hello = Hello(
             **msgspec.structs.asdict(self._introduction),
             site=self._identity.site,
@@ -95,7 +115,12 @@ class Agent:
             number=self._identity.number,
             session=self.session,
         )
-        return Parcel(self.session, hello.seq, encode(hello))
+        payload = encode(hello)
+        if len(payload) > MAX_BYTES:
+            raise DataError(
+                f"introduction of {len(payload)} bytes, at most {MAX_BYTES} can be sent"
+            )
+        return Parcel(self.session, hello.seq, payload)
 
     def step(self, inputs: Inputs, now_ns: int) -> Outputs:
         """`now_ns` is monotonic."""
@@ -186,9 +211,15 @@ class Agent:
             return []
         return [session for session, flight in self._flights.items() if flight.asks(now_ns)]
 
-    def _room(self) -> int:
-        under_way = sum(len(flight.parcels) for flight in self._flights.values())
-        return max(WINDOW - under_way, 0) if self._connected else 0
+    def _room(self) -> Room:
+        if not self._connected:
+            return Room(0, 0)
+        sizes = [
+            len(parcel.payload)
+            for flight in self._flights.values()
+            for parcel in flight.parcels.values()
+        ]
+        return Room(max(WINDOW - len(sizes), 0), max(WINDOW_BYTES - sum(sizes), 0))
 
 
 def _newest(acks: Iterable[Ack]) -> Iterable[Ack]:

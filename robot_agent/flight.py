@@ -7,6 +7,7 @@ from tagmap.records import Refusal
 
 PATIENCE_NS = 1_000_000_000
 LONGEST_PATIENCE_NS = 8_000_000_000
+DOUBT_NS = 50_000_000
 REFUSALS_REMEMBERED = 4096
 
 
@@ -27,10 +28,15 @@ class Flight:
     asked how far it is; only its answer makes the parcels that were under way at the question go
     out again. So an absent service costs one small question a second, and a slow one costs
     repetitions that become rarer, up to `LONGEST_PATIENCE_NS` apart.
+
+    An acknowledgement that repeats the one before tells that something arrived behind a gap (as
+    in TCP fast retransmit, RFC 5681): then, once, the question comes after `DOUBT_NS` already.
     """
 
     parcels: dict[int, Parcel] = field(default_factory=dict)
     last_sent: int = -1
+    contiguous: int = -1
+    doubted: bool = False
     patience_ns: int = PATIENCE_NS
     ask_at_ns: int = 0
     asked_up_to: int | None = None
@@ -51,6 +57,11 @@ class Flight:
         if settled:
             self.patience_ns = PATIENCE_NS
             self.ask_at_ns = now_ns + self.patience_ns
+            self.doubted = False
+        elif contiguous == self.contiguous and not self.doubted:
+            self.ask_at_ns = min(self.ask_at_ns, now_ns + DOUBT_NS)
+            self.doubted = True
+        self.contiguous = max(self.contiguous, contiguous)
         return bool(settled), self._answered(now_ns)
 
     def news(self, refusals: Iterable[Refusal]) -> tuple[Refusal, ...]:

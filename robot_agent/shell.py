@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Sequence
 
-from robot_agent.agent import Agent, Inputs, Outputs
+from robot_agent.agent import Agent, Inputs, Outputs, Room
 from robot_agent.diary import Diary
 from robot_agent.flight import Parcel
 from robot_agent.sources import Source
@@ -34,7 +34,7 @@ class Shell:
         self._diary = diary
         self._stop = threading.Event()
         self.damage: DataError | None = None
-        self._room = 0
+        self._room = Room(0, 0)
         self._loaded: tuple[str, int] | None = None
 
     def stop(self) -> None:
@@ -92,13 +92,13 @@ class Shell:
             return ()
 
     def _load(self) -> Sequence[Parcel]:
-        if not self._room:
+        if not self._room.parcels:
             return ()
-        rows = self._outbox.unsettled(self._room, after=self._loaded)
-        if rows:
-            session, seq, _ = rows[-1]
-            self._loaded = (session, seq)
-        return [Parcel(*row) for row in rows]
+        rows = self._outbox.unsettled(self._room.parcels, after=self._loaded)
+        parcels = self._room.fitting([Parcel(*row) for row in rows])
+        if parcels:
+            self._loaded = (parcels[-1].session, parcels[-1].seq)
+        return parcels
 
     def _keep(self, outputs: Outputs, observed: int) -> None:
         if outputs.append:

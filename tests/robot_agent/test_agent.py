@@ -6,10 +6,12 @@ from itertools import pairwise
 import msgspec
 import pytest
 
-from robot_agent.agent import WINDOW, Agent, Identity, Inputs, Outputs, Parcel
-from robot_agent.flight import LONGEST_PATIENCE_NS, PATIENCE_NS
+from robot_agent.agent import WINDOW, WINDOW_BYTES, Agent, Identity, Inputs, Outputs, Parcel, Room
+from robot_agent.flight import DOUBT_NS, LONGEST_PATIENCE_NS, PATIENCE_NS
+from tagmap.errors import DataError
 from tagmap.records import (
     Ack,
+    CameraCalibration,
     Hello,
     Introduction,
     Keyframe,
@@ -17,10 +19,12 @@ from tagmap.records import (
     Observation,
     Odometry,
     Refusal,
+    RigCalibration,
     Sighting,
     Transform,
     decode,
 )
+from tagmap.records.codec import MAX_BYTES
 from tagmap.records.keyframe import MAX_MEMORY_BYTES
 
 SESSION = "session-now"
@@ -89,7 +93,7 @@ def test_nothing_is_sent_before_it_came_back_from_the_outbox(agent: Agent) -> No
 def test_parcels_are_sent_once_and_room_shrinks_by_what_is_under_way(agent: Agent) -> None:
     outputs = agent.step(Inputs(parcels=parcels(range(100))), now_ns=0)
     assert sent(outputs) == list(range(100))
-    assert outputs.room == WINDOW - 100
+    assert outputs.room.parcels == WINDOW - 100
     assert sent(agent.step(Inputs(), now_ns=1)) == []
 
 
@@ -98,7 +102,7 @@ def test_an_acknowledgement_settles_and_makes_room(agent: Agent) -> None:
     ack = Ack(session=SESSION, contiguous=6)
     outputs = agent.step(Inputs(acks=[ack]), now_ns=1)
     assert outputs.settle == [ack]
-    assert outputs.room == WINDOW - 3
+    assert outputs.room.parcels == WINDOW - 3
 
 
 def test_late_repeated_and_foreign_acknowledgements_change_nothing(agent: Agent) -> None:
@@ -112,7 +116,7 @@ def test_late_repeated_and_foreign_acknowledgements_change_nothing(agent: Agent)
     ]
     outputs = agent.step(Inputs(acks=late), now_ns=2)
     assert outputs.settle == []
-    assert outputs.room == WINDOW - 3
+    assert outputs.room.parcels == WINDOW - 3
 
 
 def test_an_acknowledgement_cannot_settle_what_was_never_sent(agent: Agent) -> None:
@@ -164,6 +168,45 @@ def test_silence_leads_to_a_question_and_only_its_answer_to_repetition(agent: Ag
     assert sent(answered) == [2, 3, 4]
 
 
+def test_a_repeated_acknowledgement_tells_of_a_gap_and_shortens_the_wait_once(
+    agent: Agent,
+) -> None:
+    agent.step(Inputs(parcels=parcels(range(10))), now_ns=0)
+    ack = Ack(session=SESSION, contiguous=4)
+    agent.step(Inputs(acks=[ack]), now_ns=0)
+    agent.step(Inputs(acks=[ack]), now_ns=0)
+    assert agent.step(Inputs(), now_ns=DOUBT_NS - 1).ask == []
+    assert agent.step(Inputs(), now_ns=DOUBT_NS).ask == [SESSION]
+    assert sent(agent.step(Inputs(acks=[ack]), now_ns=DOUBT_NS)) == [5, 6, 7, 8, 9]
+    agent.step(Inputs(acks=[ack]), now_ns=DOUBT_NS)
+    assert agent.step(Inputs(), now_ns=10 * DOUBT_NS).ask == []
+    agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=7)]), now_ns=10 * DOUBT_NS)
+    agent.step(Inputs(acks=[Ack(session=SESSION, contiguous=7)]), now_ns=10 * DOUBT_NS)
+    assert agent.step(Inputs(), now_ns=11 * DOUBT_NS).ask == [SESSION]
+
+
+@pytest.mark.parametrize("size", [1, 1000, WINDOW_BYTES // 3, WINDOW_BYTES])
+def test_what_is_under_way_is_bounded_in_bytes_and_never_nothing(agent: Agent, size: int) -> None:
+    waiting = [Parcel(SESSION, seq, bytes(size)) for seq in range(2 * WINDOW)]
+    under_way = 0
+    while fitting := agent.step(Inputs(), now_ns=0).room.fitting(waiting):
+        agent.step(Inputs(parcels=fitting), now_ns=0)
+        under_way += len(fitting)
+        waiting = waiting[len(fitting) :]
+    assert under_way == min(WINDOW, WINDOW_BYTES // size)
+
+
+def test_an_introduction_too_large_for_the_wire_is_refused() -> None:
+    camera = CameraCalibration(width_px=1, height_px=1, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)
+    beside = Transform(p_m=(-0.1, 0.0, 0.0), q_wxyz=(1.0, 0.0, 0.0, 0.0))
+    rig = RigCalibration(
+        left=camera, right=camera, T_right_left=beside, sigma_px=0.1, by="x" * MAX_BYTES
+    )
+    identity = Identity(site="site", robot="r1", number=1, session=SESSION)
+    with pytest.raises(DataError, match="introduction of 66095 bytes"):
+        Agent(identity, Introduction(kind="spatial", rig=rig)).hello()
+
+
 def test_an_absent_service_is_asked_once_a_second_and_nothing_is_repeated(agent: Agent) -> None:
     agent.step(Inputs(parcels=parcels(range(4))), now_ns=0)
     outputs = [agent.step(Inputs(), now_ns=s * PATIENCE_NS) for s in range(1, 6)]
@@ -194,7 +237,7 @@ def test_without_a_router_nothing_is_asked_and_there_is_no_room(agent: Agent) ->
     agent.step(Inputs(parcels=parcels(range(4))), now_ns=0)
     outputs = agent.step(Inputs(connected=False), now_ns=5 * PATIENCE_NS)
     assert outputs.ask == []
-    assert outputs.room == 0
+    assert outputs.room == Room(0, 0)
 
 
 def test_a_new_connection_is_used_to_ask_at_once(agent: Agent) -> None:

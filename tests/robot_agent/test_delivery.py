@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_agent.agent import WINDOW, Agent, Identity, Inputs, Outputs, Parcel
+from robot_agent.agent import WINDOW, Agent, Identity, Inputs, Outputs, Parcel, Room
 from tagmap.records import Ack, Introduction, Keyframe, Observation, Refusal, Transform, decode
 
 TICK_NS = 50_000_000
@@ -106,7 +106,7 @@ class World:
         self.sessions.append(session)
         self.agent = Agent(Identity("site", "r1", 1, session), INTRODUCTION)
         self.rows.append(self.agent.hello())
-        self.loaded, self.room = 0, 0
+        self.loaded, self.room = 0, Room(0, 0)
 
     def run(self, ticks: int, faulty_ticks: int) -> int:
         """Faults stop after `faulty_ticks`; returns the tick at which everything was settled."""
@@ -132,7 +132,7 @@ class World:
         outputs = self.agent.step(
             Inputs(
                 observations=taken,
-                parcels=list(self.load()),
+                parcels=self.load(),
                 acks=self.down.arrived(tick),
                 connected=connected,
             ),
@@ -143,14 +143,12 @@ class World:
                 self.start_agent()
                 return
 
-    def load(self) -> Iterator[Parcel]:
-        room = self.room
-        while room > 0 and self.loaded < len(self.rows):
-            row = self.rows[self.loaded]
-            self.loaded += 1
-            if row is not None:
-                room -= 1
-                yield row
+    def load(self) -> Sequence[Parcel]:
+        waiting = [(i, row) for i, row in enumerate(self.rows) if i >= self.loaded and row]
+        parcels = self.room.fitting([row for _, row in waiting])
+        if parcels:
+            self.loaded = waiting[len(parcels) - 1][0] + 1
+        return parcels
 
     def obey(self, outputs: Outputs, taken: int, tick: int, connected: bool) -> Iterator[int]:
         """Stops between its stages when the process is killed there."""
@@ -168,7 +166,7 @@ class World:
             if self.rng.random() >= self.up.faults.lost:
                 self.down.put(self.service.ack(session), tick)
         self.room = outputs.room
-        assert 0 <= self.room <= WINDOW
+        assert 0 <= self.room.parcels <= WINDOW
         yield 2
 
     def settle(self, acks: Sequence[Ack]) -> None:
