@@ -1,0 +1,124 @@
+"""Live poses: what follows what, through gaps, new sessions and new maps."""
+
+import numpy as np
+import pytest
+
+from tagmap.geometry import se2
+from tagmap.mapper import Mapper
+from tagmap.mapping import live
+from tagmap.mapping.draft import Arrival
+from tests.mapping.messages import SESSION, encode, hello
+from tests.mapping.world import T_map_base, drive, solution
+
+MOVE = se2.from_p_theta(np.array([1.0, 2.0]), 0.5)
+
+
+def feed(mapper, *messages):
+    mapper.step([Arrival(message.robot, encode(message)) for message in messages])
+    while mapper.is_behind:
+        mapper.follow()
+    return mapper.pose("r1")
+
+
+def mapped(gauge="anchored", **fields):
+    mapper = Mapper("site")
+    mapper.adopt(solution(gauge=gauge, **fields), "first map", 1)
+    return mapper
+
+
+def assert_at(pose, T, seq):
+    p, theta = se2.to_p_theta(T)
+    assert pose.T_map_base.p_m == pytest.approx(p, abs=1e-6)
+    assert pose.T_map_base.theta_rad == pytest.approx(float(theta), abs=1e-6)
+    assert pose.t_ns == 1_000_000_000 + seq * 100_000_000
+
+
+def test_without_a_map_a_robot_is_lost():
+    pose = feed(Mapper("site"), hello(), drive(1))
+    assert (pose.state, pose.T_map_base, pose.cov, pose.map_version) == ("lost", None, None, None)
+
+
+def test_sightings_of_mapped_tags_give_a_pose():
+    pose = feed(mapped(), hello(), drive(1), drive(2))
+    assert_at(pose, T_map_base(2), 2)
+    assert (pose.state, pose.gauge, pose.map_version) == ("good", "anchored", 1)
+    assert pose.robot_session == SESSION
+    assert pose.source == "service"
+
+
+def test_on_a_floating_map_no_pose_is_good():
+    pose = feed(mapped("floating"), hello(), drive(1), drive(2))
+    assert_at(pose, T_map_base(2), 2)
+    assert (pose.state, pose.gauge) == ("degraded", "floating")
+
+
+def test_keyframes_are_followed_in_order_of_seq():
+    frames = [drive(1), *(drive(seq, sees=()) for seq in range(2, 9))]
+    pose = feed(mapped(), hello(), *reversed(frames))
+    assert_at(pose, T_map_base(8), 8)
+
+
+def test_a_missing_keyframe_is_waited_for():
+    mapper = mapped()
+    assert_at(feed(mapper, hello(), drive(1), drive(3)), T_map_base(1), 1)
+    assert_at(feed(mapper, drive(2)), T_map_base(3), 3)
+
+
+def test_after_a_refused_keyframe_nothing_is_known_of_the_motion():
+    mapper = mapped()
+    feed(mapper, hello(), drive(1), drive(2, site="elsewhere"))
+    assert feed(mapper, drive(3, sees=())).state == "lost"
+    assert_at(feed(mapper, drive(4)), T_map_base(4), 4)
+
+
+def test_a_new_session_takes_over():
+    mapper = mapped()
+    feed(mapper, hello(), drive(1))
+    second = "session-0002"
+    pose = feed(mapper, hello(session=second), drive(1, session=second))
+    assert pose.robot_session == second
+    assert feed(mapper, drive(2)) is pose
+
+
+def test_a_new_map_rebases_on_the_last_solved_pose_and_follows_the_rest_again():
+    mapper = mapped()
+    feed(mapper, hello(), drive(1), *(drive(seq, sees=()) for seq in range(2, 10)))
+    mapper.adopt(solution(through=5, T=MOVE), "more", 2)
+    pose = feed(mapper)
+    assert_at(pose, MOVE @ T_map_base(9), 9)
+    assert pose.map_version == 2
+    moments = mapper.moments("r1")
+    assert [m.t_ns for m in moments] == [1_000_000_000 + s * 100_000_000 for s in range(5, 10)]
+
+
+def test_a_map_without_the_session_moves_the_pose_along():
+    mapper = mapped()
+    feed(mapper, hello(), drive(1), drive(2))
+    mapper.adopt(solution(T=MOVE), "moved", 2)
+    assert_at(feed(mapper), MOVE @ T_map_base(2), 2)
+
+
+def test_a_solution_may_be_ahead_of_the_live_pose():
+    mapper = mapped()
+    mapper.step([Arrival("r1", encode(m)) for m in (hello(), drive(1), drive(2), drive(3))])
+    mapper.adopt(solution(through=3), "more", 2)
+    assert_at(feed(mapper), T_map_base(3), 3)
+
+
+def test_following_is_done_in_portions():
+    mapper = mapped()
+    frames = [drive(seq) for seq in range(1, 400)]
+    mapper.step([Arrival("r1", encode(m)) for m in (hello(), *frames)])
+    assert mapper.follow() == {}
+    assert mapper.is_behind
+    assert_at(feed(mapper), T_map_base(399), 399)
+
+
+def test_a_failing_track_is_lost_and_lives_on(monkeypatch):
+    mapper = mapped()
+    feed(mapper, hello(), drive(1))
+    step = live.Track.step
+    monkeypatch.setattr(live.Track, "step", lambda *_: 1 / 0)
+    assert feed(mapper, drive(2)).state == "lost"
+    monkeypatch.setattr(live.Track, "step", step)
+    assert_at(feed(mapper, drive(3)), T_map_base(3), 3)
