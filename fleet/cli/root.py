@@ -2,6 +2,7 @@
 
 import click
 
+from fleet.cli.bench import bench
 from fleet.cli.demo import demo
 from fleet.cli.replay import replay
 from tagmap import __version__
@@ -13,5 +14,5 @@ def cli() -> None:
     """Simulated and recorded robots, run through the real programs and judged against truth."""
 
 
-for command in (demo, replay):
+for command in (demo, replay, bench):
     cli.add_command(command)
