@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from fleet.replay.mrclam_calibration import MrclamCalibration
+from tagmap.geometry import se2
+from tagmap.records.arrays import matrix
+
 DATA = Path(__file__).parents[3] / "shared" / "data"
 
 
@@ -23,25 +27,40 @@ def _table(path: Path, rows: list[tuple[float, ...]]) -> None:
 
 
 T0_S = 1_248_272_000.0
-MRCLAM_LANDMARKS = {6: (2.0, 1.0), 7: (3.0, -1.0), 8: (1.5, 2.0)}
+MRCLAM_LANDMARKS = {6: (2.0, 1.0), 7: (3.0, -1.0), 8: (1.5, 2.0), 9: (4.0, 0.5), 10: (2.5, -1.4)}
+BARCODES = {6: 72, 7: 27, 8: 54, 9: 70, 10: 36}
+
+
+def driven_m(t_s: float) -> float:
+    """How far robot 1 is when it is told to drive 0.1 m/s from T0_S on."""
+    calibration = MrclamCalibration()
+    return 0.1 * calibration.drive_gain * max(t_s - calibration.latency_s, 0.0)
+
+
+def _depth_and_bearing(robot: int, p_base: tuple[float, float]) -> tuple[float, float]:
+    """What the robot's camera says of a point."""
+    camera = MrclamCalibration().cameras[robot]
+    x, y = se2.act(se2.inverse(matrix(camera.T_base_cam)), np.array(p_base))
+    return camera.depth_scale * x, np.arctan2(y, x)
 
 
 @pytest.fixture
 def mrclam_folder(tmp_path: Path) -> Path:
-    """Robot 1 drives 0.1 m/s along x from the origin; robot 2 stands and has no odometry."""
+    """Robot 1 is told to drive along x from the origin; robot 2 stands and has no odometry."""
     folder = tmp_path / "MRCLAM_Dataset99"
     folder.mkdir()
-    _table(folder / "Barcodes.dat", [(1, 5), (2, 14), (6, 72), (7, 27), (8, 54)])
+    _table(folder / "Barcodes.dat", [(1, 5), (2, 14), *BARCODES.items()])
     landmarks = [(k, *p, 0.001, 0.001) for k, p in MRCLAM_LANDMARKS.items()]
     _table(folder / "Landmark_Groundtruth.dat", landmarks)
     _table(folder / "Robot1_Odometry.dat", [(T0_S + 0.01 * k, 0.1, 0.0) for k in range(1000)])
-    truth = [(T0_S + 0.01 * k, 0.001 * k, 0.0, 0.0) for k in range(1000)]
+    truth = [(T0_S + 0.01 * k, driven_m(0.01 * k), 0.0, 0.0) for k in range(1000)]
     _table(folder / "Robot1_Groundtruth.dat", truth)
     sightings: list[tuple[float, ...]] = []
     for t in (1.0, 2.0, 3.5):
-        for barcode, subject in ((72, 6), (27, 7)):
-            x, y = np.array(MRCLAM_LANDMARKS[subject]) - [0.1 * t, 0.0]
-            sightings.append((T0_S + t, barcode, np.hypot(x, y), np.arctan2(y, x)))
+        for subject in (6, 7, 9, 10):
+            x, y = MRCLAM_LANDMARKS[subject]
+            seen = _depth_and_bearing(1, (x - driven_m(t), y))
+            sightings.append((T0_S + t, BARCODES[subject], *seen))
     sightings += [(T0_S + 3.6, 14, 1.0, 0.0), (T0_S + 3.7, 99, 1.0, 0.0)]
     _table(folder / "Robot1_Measurement.dat", sightings)
     _table(

@@ -17,7 +17,7 @@ def test_keyframes_are_the_instants_with_landmarks(mrclam_folder: Path):
     first, second = recording.robots
     assert (first.robot, first.number, len(first.observations)) == ("r1", 1, 3)
     assert (second.robot, second.number, len(second.observations)) == ("r2", 2, 2)
-    assert [s.tag for s in first.observations[0].sightings] == ["6", "7"]
+    assert [s.tag for s in first.observations[0].sightings] == ["6", "7", "9", "10"]
     assert first.observations[0].t_ns == 1_248_272_001_000_000_000
     assert first.introduction.range_scale_sigma is None
 
