@@ -66,6 +66,7 @@ class Service:
         self.desk.commands[("map", "solve")] = lambda query, _: self.solving.wait(query)
         self.solving = Solving(store, solver, self.desk)
         self.broken_until_s: float | None = None
+        self.complained = False
         self.router_check_s = 0.0
 
     def run(self, stopping: threading.Event) -> None:
@@ -113,6 +114,7 @@ class Service:
             outcome = self.mapper.step(arrivals)
             if outcome.has_facts:
                 self.store.commit(_batch(outcome, time.time_ns()))
+                self._recover()
         except Exception as error:
             self._break(error)
             return
@@ -158,9 +160,10 @@ class Service:
 
     def _break(self, error: Exception) -> None:
         """The mapper is ahead of the database, or broken: no acknowledgement, start over."""
-        if self.broken_until_s is None:
+        if not self.complained:
             known = isinstance(error, StoreError)
             self.log.error("commit failed", reason=str(error), exc_info=None if known else error)
+        self.complained = True
         self.broken_until_s = time.monotonic() + RETRY_S
 
     def _is_sound(self) -> bool:
@@ -171,7 +174,6 @@ class Service:
         if time.monotonic() < self.broken_until_s:
             return False
         try:
-            self.store.commit(Batch())
             mapper = restore(self.store)
         except StoreError:
             self.broken_until_s = time.monotonic() + RETRY_S
@@ -179,8 +181,13 @@ class Service:
         mapper.alive = self.mapper.alive
         self.mapper = self.desk.mapper = mapper
         self.broken_until_s = None
-        self.log.info("restored from the database")
         return True
+
+    def _recover(self) -> None:
+        """After a commit that went well."""
+        if self.complained:
+            self.log.info("commits again")
+            self.complained = False
 
     def _turn_away(self, events: list[Any]) -> None:
         for event in events:

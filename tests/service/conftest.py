@@ -61,6 +61,8 @@ class Client:
 
     def ack(self, session):
         (reply,) = self.ask(f"{self.keys.ack(self.robot)}?session={session}")
+        if reply.payload is None:
+            return Ack(session=session, contiguous=-1)
         return decode(Ack, reply.payload)
 
     def deliver(self, *messages):
