@@ -8,20 +8,26 @@ tags (Baarda's S-transformation), which is what remains after the best rigid ali
 import numpy as np
 
 from tagmap.conventions import Array, Index
+from tagmap.estimation import robust
 from tagmap.estimation.gauge import free_directions
-from tagmap.estimation.linear import Factorisation, gauge_stiffness
+from tagmap.estimation.linear import COLUMNS_AT_ONCE, Factorisation, gauge_stiffness
+from tagmap.estimation.linearise import linearise
 from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem
 
 
 class Marginals:
-    """Covariances of the border at once, of poses on demand."""
+    """Covariances of the border at once, of poses on demand.
+
+    Raises LinAlgError where the accepted factors do not determine everything.
+    """
 
     def __init__(self, problem: Problem, optimum: Optimum) -> None:
         self._dof, self._d = problem.pose_dof, problem.tag_dof
         self._n_tags = problem.n_tags
+        weights = robust.efficient(problem, optimum.weights)
         gauge = free_directions(problem, optimum.state)
-        self._factor = Factorisation(optimum.equations, gauge=gauge)
+        self._factor = Factorisation(linearise(problem, optimum.state, weights), gauge=gauge)
         border = self._factor.solve_border(np.eye(problem.n_border))
         if gauge is not None:
             border -= gauge @ gauge.T / gauge_stiffness(self._factor.schur)
@@ -30,25 +36,32 @@ class Marginals:
     def tags(self) -> Array:
         """(M, d, d), map axes."""
         size = self._n_tags * self._d
-        blocks = self._border[:size, :size].reshape(self._n_tags, self._d, self._n_tags, self._d)
-        each = np.arange(self._n_tags)
-        picked: Array = blocks[each, :, each, :]
-        return picked
+        return _diagonal_blocks(self._border[:size, :size], self._d)
 
     def scales(self) -> Array:
         """Variances (S,)."""
         return np.diag(self._border)[self._n_tags * self._d :]
 
     def poses(self, which: Index) -> Array:
-        """(n, dof, dof) of the poses with numbers `which`, body frame: A^-1 + X Cov(border) X'."""
-        dof = self._dof
+        """(n, dof, dof) of the poses with numbers `which`, body frame."""
+        at_once = max(COLUMNS_AT_ONCE // self._dof, 1)
+        parts = [self._poses(which[i : i + at_once]) for i in range(0, len(which), at_once)]
+        return np.concatenate([np.zeros((0, self._dof, self._dof)), *parts])
+
+    def _poses(self, which: Index) -> Array:
+        """A^-1 + X Cov(border) X' with X = A^-1 B."""
+        dof, equations = self._dof, self._factor.equations
         columns = (which[:, None] * dof + np.arange(dof)).ravel()
-        unit = np.zeros((self._factor.equations.diagonal.size // dof, len(columns)))
+        unit = np.zeros((equations.gradient_pose.size, len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
         inverse = self._factor.solve_poses(unit)
-        X = self._factor.equations.coupling.T @ inverse
-        full = inverse[columns] + X.T @ self._border @ X
-        blocks = full.reshape(len(which), dof, len(which), dof)
-        each = np.arange(len(which))
-        picked: Array = blocks[each, :, each, :]
-        return 0.5 * (picked + np.swapaxes(picked, -1, -2))
+        X = equations.coupling.T @ inverse
+        return _diagonal_blocks(inverse[columns] + X.T @ self._border @ X, dof)
+
+
+def _diagonal_blocks(matrix: Array, size: int) -> Array:
+    """Symmetrised blocks (n, size, size) along the diagonal of (n size, n size)."""
+    n = len(matrix) // size
+    each = np.arange(n)
+    blocks: Array = matrix.reshape(n, size, n, size)[each, :, each, :]
+    return 0.5 * (blocks + np.swapaxes(blocks, -1, -2))

@@ -38,17 +38,15 @@ def sighting_points(kind: Kind, sightings: Sightings, state: State) -> tuple[Arr
     return p_base, lie(kind).act(sightings.T_cam_base, p_base)
 
 
-def sighting_scale(sightings: Sightings, state: State) -> Array:
-    """The factor (K,) by which the sensor sees distances too long; 1 where there is no unknown."""
-    scales = np.append(state.scale, 1.0)
-    picked: Array = scales[sightings.scale]
-    return picked
+def sighting_scale(sightings: Sightings, state: State) -> float:
+    """The factor by which the sensor sees distances too long; 1 where it is not an unknown."""
+    return 1.0 if sightings.scale < 0 else float(state.scale[sightings.scale])
 
 
 def sighting_residual(kind: Kind, sightings: Sightings, state: State) -> Array:
     """Whitened residual (K, c); a point that cannot be seen (behind the camera) gives NaN."""
     _, p_cam = sighting_points(kind, sightings, state)
-    scaled = p_cam * sighting_scale(sightings, state)[:, None]
+    scaled = p_cam * sighting_scale(sightings, state)
     predicted, _ = measurement.predict(sightings.form, kind, scaled, sightings.rig)
     raw = measurement.residual(sightings.form, kind, sightings.z, predicted)
     r: Array = np.einsum("kab,kb->ka", sightings.whiten, raw)
@@ -59,11 +57,11 @@ def sighting_terms(kind: Kind, sightings: Sightings, state: State) -> SightingTe
     """p_cam = R_cb R^T (p - t) + t_cb, measured at scale s: d p_base = -v - w x p_base + R^T dp."""
     p_base, p_cam = sighting_points(kind, sightings, state)
     scale = sighting_scale(sightings, state)
-    predicted, J = measurement.predict(sightings.form, kind, p_cam * scale[:, None], sightings.rig)
+    predicted, J = measurement.predict(sightings.form, kind, p_cam * scale, sightings.rig)
     raw = measurement.residual(sightings.form, kind, sightings.z, predicted)
     J = sightings.whiten @ J
     d = p_cam.shape[-1]
-    J_base = (J @ sightings.T_cam_base[:, :d, :d]) * scale[:, None, None]
+    J_base = (J @ sightings.T_cam_base[:, :d, :d]) * scale
     R_base_map = np.swapaxes(state.T[sightings.pose][:, :d, :d], -1, -2)
     return SightingTerms(
         r=np.einsum("kab,kb->ka", sightings.whiten, raw),

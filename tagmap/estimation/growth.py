@@ -9,10 +9,10 @@ tags known so far, and is then condensed into a Gaussian on its last pose and th
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
 from tagmap.conventions import Array, Index
-from tagmap.estimation.linear import Factorisation, NormalEquations
+from tagmap.estimation.linear import Factorisation, NormalEquations, dense
 from tagmap.estimation.optimise import Optimum, Options, optimise
 from tagmap.estimation.points import Points, fit_tags
 from tagmap.estimation.problem import Prior, Problem, State
@@ -21,7 +21,7 @@ from tagmap.estimation.restrict import restrict
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
-WINDOW_OPTIONS = Options(max_iterations=25, tolerance=1e-4, max_regroupings=2)
+WINDOW_OPTIONS = Options(max_iterations=25, tolerance=1e-4, mu_step=8.0, max_regroupings=2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +36,13 @@ class _Known:
 def grow(problem: Problem, points: Points, poses: Index) -> Array:
     """Poses (n, D, D) of the chain `poses` in the frame of its first one.
 
-    `problem` is without scales; `points` are those of all its sightings.
+    `problem` is without scales and surveys; `points` are those of all its sightings.
     """
     size = problem.tag_dof + 1
     T = np.empty((len(poses), size, size))
     T[0] = np.eye(size)
+    if len(poses) == 1:
+        return T
     steps = _steps(problem, poses)
     known = _nothing_known(problem)
     start = 0
@@ -57,9 +59,8 @@ def grow(problem: Problem, points: Points, poses: Index) -> Array:
 
 def _steps(problem: Problem, poses: Index) -> Array:
     """Odometry steps along the chain, (n - 1, D, D)."""
-    first = problem.odometry.first
-    inside = np.flatnonzero((first >= poses[0]) & (first < poses[-1]))
-    return problem.odometry.T[inside[np.argsort(first[inside])]]
+    start, stop = np.searchsorted(problem.odometry.first, [poses[0], poses[-1]])
+    return problem.odometry.T[start:stop]
 
 
 def _nothing_known(problem: Problem) -> _Known:
@@ -80,11 +81,7 @@ def _advance(
     p[np.searchsorted(tags, new.tags)] = new.p
     at = np.searchsorted(tags, known.tags)
     p[at] = known.prior.p
-    window = replace(
-        restrict(problem, poses, tags),
-        prior=replace(known.prior, tag=at),
-        surveyed=restrict(problem, poses, tags[:0]).surveyed,
-    )
+    window = replace(restrict(problem, poses, tags), prior=replace(known.prior, tag=at))
     optimum = optimise(window, State(T, p, np.ones(0)), WINDOW_OPTIONS)
     support = _support(window, optimum)
     support[at] += known.support
@@ -100,7 +97,10 @@ class _NewTags:
 def _new_tags(points: Points, poses: Index, T: Array, known: Index, n_tags: int) -> _NewTags:
     """Start positions of the tags that the window sees and nobody knew."""
     seen = points.of_poses(poses[0], poses[-1])
-    fit = fit_tags(seen.take(np.flatnonzero(~np.isin(seen.tag, known))), T, n_tags)
+    unknown = np.flatnonzero(~np.isin(seen.tag, known))
+    if not len(unknown):
+        return _NewTags(unknown, np.zeros((0, T.shape[-1] - 1)))
+    fit = fit_tags(seen.take(unknown), T, n_tags)
     tags = np.flatnonzero(fit.determined)
     return _NewTags(tags, fit.p[tags])
 
@@ -137,18 +137,18 @@ def _columns(tags: Index, d: int, offset: int) -> Index:
 
 def _last_pose_and_tags(equations: NormalEquations, dof: int) -> Array:
     """Schur complement on (last pose, border): the last pose joins the border."""
-    last = equations.coupling.tocsr()[-dof:].toarray()
+    coupling = dense(equations.coupling)
+    last = coupling[-dof:]
     border = np.block([[equations.diagonal[-1], last], [last.T, equations.border]])
-    if len(equations.diagonal) == 1:
+    rows = len(coupling) - dof
+    if not rows:
         return border
-    rows = len(equations.diagonal[:-1]) * dof
-    link = sparse.lil_matrix((rows, dof))
+    link = np.zeros((rows, dof))
     link[-dof:] = equations.next[-1].T
-    coupling = sparse.hstack([link, equations.coupling.tocsr()[:rows]], format="csc")
     rest = NormalEquations(
         equations.diagonal[:-1],
         equations.next[:-1],
-        coupling,
+        np.hstack([link, coupling[:rows]]),
         border,
         equations.gradient_pose[:-1],
         np.zeros(len(border)),

@@ -10,13 +10,17 @@ which bounds memory. The fill between poses and tags is never stored.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from scipy import linalg, sparse
 
 from tagmap.conventions import Array
 
+Coupling: TypeAlias = "Array | sparse.csc_matrix"
+
 COLUMNS_AT_ONCE = 256
+DAMPED_LEAST = 1.0
 
 
 @dataclass(frozen=True)
@@ -24,12 +28,12 @@ class NormalEquations:
     """J'J and J'r of whitened residuals.
 
     diagonal (N, dof, dof), next (N - 1, dof, dof): A_ii and A_i+1,i
-    coupling (N dof, m) sparse: B;  border (m, m): C;  gradient: of poses (N, dof), of border (m,)
+    coupling (N dof, m): B;  border (m, m): C;  gradient: of poses (N, dof), of border (m,)
     """
 
     diagonal: Array
     next: Array
-    coupling: sparse.csc_matrix
+    coupling: Coupling
     border: Array
     gradient_pose: Array
     gradient_border: Array
@@ -38,7 +42,8 @@ class NormalEquations:
 class Factorisation:
     """A = L L' in band form, and S = C - B' A^-1 B. Raises LinAlgError if not positive definite.
 
-    damping: every diagonal entry is raised by this part of it (Levenberg-Marquardt).
+    damping: every diagonal entry is raised by this part of it, and of no less than DAMPED_LEAST
+    (Levenberg-Marquardt): what nothing measures any more stays where it is.
     gauge (m, g): orthonormal directions in which nothing is known; S is made regular by
     S + k gauge gauge', which leaves the step without any part along them (inner constraints:
     Triggs et al., "Bundle Adjustment - A Modern Synthesis", 2000, 9.4).
@@ -59,10 +64,10 @@ class Factorisation:
         """S (m, m), dense."""
         coupling = self.equations.coupling
         S = self.equations.border.copy()
-        S[np.diag_indices_from(S)] *= 1.0 + self._damping
+        S[np.diag_indices_from(S)] += _raise(np.diag(S), self._damping)
         for start in range(0, coupling.shape[1], COLUMNS_AT_ONCE):
             columns = slice(start, start + COLUMNS_AT_ONCE)
-            S[:, columns] -= coupling.T @ self.solve_poses(coupling[:, columns].toarray())
+            S[:, columns] -= coupling.T @ self.solve_poses(dense(coupling[:, columns]))
         return 0.5 * (S + S.T)
 
     @cached_property
@@ -94,9 +99,20 @@ class Factorisation:
         return poses.reshape(equations.gradient_pose.shape), border
 
 
+def dense(coupling: Coupling) -> Array:
+    """A part of the coupling as an array."""
+    whole: Array = coupling if isinstance(coupling, np.ndarray) else coupling.toarray()
+    return whole
+
+
 def gauge_stiffness(S: Array) -> float:
     """A stiffness of the size of S's own entries, so that conditioning does not suffer."""
     return float(np.mean(np.diag(S)))
+
+
+def _raise(diagonal: Array, damping: float) -> Array:
+    raised: Array = damping * np.maximum(diagonal, DAMPED_LEAST)
+    return raised
 
 
 def _lower_band(equations: NormalEquations, damping: float) -> Array:
@@ -108,5 +124,5 @@ def _lower_band(equations: NormalEquations, damping: float) -> Array:
             band[row - column, :, column] = equations.diagonal[:, row, column]
         for row in range(dof):
             band[dof + row - column, :-1, column] = equations.next[:, row, column]
-    band[0] *= 1.0 + damping
+    band[0] += _raise(band[0], damping)
     return band.reshape(2 * dof, n * dof)

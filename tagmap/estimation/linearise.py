@@ -7,84 +7,69 @@ from scipy import sparse
 
 from tagmap.conventions import Array, Index
 from tagmap.estimation.factors import (
+    SightingTerms,
     lie,
-    odometry_residual,
     odometry_terms,
     prior_difference,
     scale_residual,
-    sighting_residual,
     sighting_terms,
     surveyed_residual,
 )
-from tagmap.estimation.linear import NormalEquations
+from tagmap.estimation.linear import Coupling, NormalEquations
 from tagmap.estimation.problem import Prior, Problem, Sightings, State
+from tagmap.estimation.residuals import Weights
+from tagmap.estimation.sums import sum_by
+
+DENSE_ENTRIES = 50_000
 
 
 @dataclass(frozen=True, slots=True)
-class Residuals:
-    """Squared whitened residuals per factor: one (K,) per block of sightings, then the others."""
+class _Entries:
+    """Entries of the coupling B by row and column, each (K,); those at one place add up."""
 
-    sightings: tuple[Array, ...]
-    odometry: Array
-    surveyed: Array
-    scale: Array
-    prior: float
-
-
-def squared_residuals(problem: Problem, state: State) -> Residuals:
-    """NaN of a sighting that cannot be (a tag behind the camera) becomes inf."""
-    kind = problem.kind
-    seen = [_square(sighting_residual(kind, block, state)) for block in problem.sightings]
-    return Residuals(
-        sightings=tuple(np.where(np.isnan(r2), np.inf, r2) for r2 in seen),
-        odometry=_square(odometry_residual(kind, problem.odometry, state)),
-        surveyed=_square(surveyed_residual(problem.surveyed, state)),
-        scale=scale_residual(problem, state) ** 2,
-        prior=_prior_square(problem, state),
-    )
+    rows: Index
+    columns: Index
+    values: Array
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
-    """Robust weight of each factor, 0..1, in the order of Residuals."""
+class _Sums:
+    """Normal equations in the making (see NormalEquations): factors add to them in place."""
 
-    sightings: tuple[Array, ...]
-    odometry: Array
-    surveyed: Array
-
-
-def unit_weights(problem: Problem) -> Weights:
-    return Weights(
-        tuple(np.ones(len(block)) for block in problem.sightings),
-        np.ones(len(problem.odometry.first)),
-        np.ones(len(problem.surveyed)),
-    )
+    diagonal: Array
+    following: Array
+    gradient_pose: Array
+    border: Array
+    gradient_border: Array
+    coupling: list[_Entries]
 
 
 def linearise(problem: Problem, state: State, weights: Weights) -> NormalEquations:
     """Weighted normal equations at `state`."""
-    n, dof = problem.n_poses, problem.pose_dof
-    diagonal = np.zeros((n, dof, dof))
-    following = np.zeros((max(n - 1, 0), dof, dof))
-    gradient_pose = np.zeros((n, dof))
-    border = np.zeros((problem.n_border, problem.n_border))
-    gradient_border = np.zeros(problem.n_border)
-
-    _add_odometry(problem, state, weights.odometry, diagonal, following, gradient_pose)
-    couplings = [
-        _add_sightings(problem, block, state, w, diagonal, gradient_pose, border, gradient_border)
-        for block, w in zip(problem.sightings, weights.sightings, strict=True)
-    ]
-    _add_surveyed(problem, state, weights.surveyed, border, gradient_border)
-    _add_scales(problem, state, border, gradient_border)
+    n, dof, m = problem.n_poses, problem.pose_dof, problem.n_border
+    sums = _Sums(
+        diagonal=np.zeros((n, dof, dof)),
+        following=np.zeros((max(n - 1, 0), dof, dof)),
+        gradient_pose=np.zeros((n, dof)),
+        border=np.zeros((m, m)),
+        gradient_border=np.zeros(m),
+        coupling=[],
+    )
+    _add_odometry(sums, problem, state, weights.odometry)
+    for block, w in zip(problem.sightings, weights.sightings, strict=True):
+        _add_sightings(sums, problem, block, state, w)
+    _add_surveyed(sums, problem, state, weights.surveyed)
+    _add_scales(sums, problem, state)
     if problem.prior is not None:
-        couplings.append(
-            _add_prior(
-                problem, problem.prior, state, diagonal, gradient_pose, border, gradient_border
-            )
-        )
-    coupling = _coupling(couplings, (n * dof, problem.n_border))
-    return NormalEquations(diagonal, following, coupling, border, gradient_pose, gradient_border)
+        _add_prior(sums, problem, problem.prior, state)
+    return NormalEquations(
+        sums.diagonal,
+        sums.following,
+        _coupling(sums.coupling, n * dof, m),
+        sums.border,
+        sums.gradient_pose,
+        sums.gradient_border,
+    )
 
 
 def updated(problem: Problem, state: State, poses: Array, border: Array) -> State:
@@ -97,140 +82,118 @@ def updated(problem: Problem, state: State, poses: Array, border: Array) -> Stat
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Entries:
-    """Entries of the coupling B by row and column, each (K,); those at one place add up."""
-
-    rows: Index
-    columns: Index
-    values: Array
-
-
-def _coupling(parts: list[Entries], shape: tuple[int, int]) -> sparse.csc_matrix:
-    if not parts:
-        return sparse.csc_matrix(shape)
-    rows = np.concatenate([part.rows for part in parts])
-    columns = np.concatenate([part.columns for part in parts])
-    values = np.concatenate([part.values for part in parts])
-    return sparse.csc_matrix((values, (rows, columns)), shape=shape)
+def _coupling(parts: list[_Entries], rows: int, columns: int) -> Coupling:
+    """Dense while it is small: then building a sparse matrix costs more than it saves."""
+    none = [np.zeros(0, dtype=np.int64)]
+    at_row = np.concatenate([part.rows for part in parts] or none)
+    at_column = np.concatenate([part.columns for part in parts] or none)
+    values = np.concatenate([part.values for part in parts] or [np.zeros(0)])
+    if rows * columns <= DENSE_ENTRIES:
+        return sum_by(at_row * columns + at_column, rows * columns, values).reshape(rows, columns)
+    return sparse.csc_matrix((values, (at_row, at_column)), shape=(rows, columns))
 
 
-def _square(r: Array) -> Array:
-    squared: Array = np.einsum("ka,ka->k", r, r)
-    return squared
-
-
-def _sum_by(index: Index, size: int, values: Array) -> Array:
-    """Sum rows of `values` (K, ...) that share an index: (size, ...)."""
-    k = len(index)
-    gather = sparse.csr_matrix((np.ones(k), (index, np.arange(k))), shape=(size, k))
-    summed = np.asarray(gather @ values.reshape(k, -1))
-    return summed.reshape(size, *values.shape[1:])
-
-
-def _add_odometry(
-    problem: Problem, state: State, w: Array, diagonal: Array, following: Array, gradient: Array
-) -> None:
+def _add_odometry(sums: _Sums, problem: Problem, state: State, w: Array) -> None:
     first = problem.odometry.first
     r, J_i, J_j = odometry_terms(problem.kind, problem.odometry, state)
     wJ_i, wJ_j = J_i * w[:, None, None], J_j * w[:, None, None]
-    diagonal[first] += _gram(wJ_i, J_i)
-    diagonal[first + 1] += _gram(wJ_j, J_j)
-    following[first] += _gram(wJ_j, J_i)
-    gradient[first] += np.einsum("kab,ka->kb", wJ_i, r)
-    gradient[first + 1] += np.einsum("kab,ka->kb", wJ_j, r)
+    sums.diagonal[first] += _gram(wJ_i, J_i)
+    sums.diagonal[first + 1] += _gram(wJ_j, J_j)
+    sums.following[first] += _gram(wJ_j, J_i)
+    sums.gradient_pose[first] += _against(wJ_i, r)
+    sums.gradient_pose[first + 1] += _against(wJ_j, r)
 
 
-def _add_sightings(
-    problem: Problem,
-    block: Sightings,
-    state: State,
-    w: Array,
-    diagonal: Array,
-    gradient_pose: Array,
-    border: Array,
-    gradient_border: Array,
-) -> Entries:
-    """Adds in place and returns the block's part of the coupling B."""
+def _add_sightings(sums: _Sums, problem: Problem, block: Sightings, state: State, w: Array) -> None:
     used = np.flatnonzero(w > 0.0)
     block, w = block.take(used), w[used]
-    n, dof = problem.n_poses, problem.pose_dof
     terms = sighting_terms(problem.kind, block, state)
-    J_border, columns = _border_jacobian(problem, block, terms.J_tag, terms.J_scale)
-    wJ_pose, wJ_border = terms.J_pose * w[:, None, None], J_border * w[:, None, None]
+    wJ_pose, wJ_tag = terms.J_pose * w[:, None, None], terms.J_tag * w[:, None, None]
+    n, n_tags = problem.n_poses, problem.n_tags
 
-    diagonal += _sum_by(block.pose, n, _gram(wJ_pose, terms.J_pose))
-    gradient_pose += _sum_by(block.pose, n, np.einsum("kab,ka->kb", wJ_pose, terms.r))
-    np.add.at(gradient_border, columns, np.einsum("kab,ka->kb", wJ_border, terms.r))
-    square = _gram(wJ_border, J_border)
-    np.add.at(border, (columns[:, :, None], columns[:, None, :]), square)
+    sums.diagonal[:] += sum_by(block.pose, n, _gram(wJ_pose, terms.J_pose))
+    sums.gradient_pose[:] += sum_by(block.pose, n, _against(wJ_pose, terms.r))
+    _add_tag_blocks(sums.border, sum_by(block.tag, n_tags, _gram(wJ_tag, terms.J_tag)))
+    by_tag = sum_by(block.tag, n_tags, _against(wJ_tag, terms.r)).ravel()
+    sums.gradient_border[: by_tag.size] += by_tag
 
-    entries = _gram(wJ_pose, J_border)
-    rows = block.pose[:, None] * dof + np.arange(dof)
-    return Entries(
-        np.broadcast_to(rows[:, :, None], entries.shape).ravel(),
-        np.broadcast_to(columns[:, None, :], entries.shape).ravel(),
-        entries.ravel(),
+    rows = block.pose[:, None] * problem.pose_dof + np.arange(problem.pose_dof)
+    columns = block.tag[:, None] * problem.tag_dof + np.arange(problem.tag_dof)
+    sums.coupling.append(_outer_entries(rows, columns, _gram(wJ_pose, terms.J_tag)))
+    if block.scale >= 0:
+        _add_scale_terms(sums, problem, block, terms, w)
+
+
+def _add_tag_blocks(border: Array, blocks: Array) -> None:
+    """Add blocks (M, d, d) along the diagonal of the border's tag part."""
+    n_tags, d, _ = blocks.shape
+    tags = border[: n_tags * d, : n_tags * d].reshape(n_tags, d, n_tags, d)
+    each = np.arange(n_tags)
+    tags[each, :, each, :] += blocks
+
+
+def _outer_entries(rows: Index, columns: Index, values: Array) -> _Entries:
+    """values (K, a, b) at rows (K, a) and columns (K, b)."""
+    return _Entries(
+        np.broadcast_to(rows[:, :, None], values.shape).ravel(),
+        np.broadcast_to(columns[:, None, :], values.shape).ravel(),
+        values.ravel(),
     )
 
 
-def _border_jacobian(
-    problem: Problem, block: Sightings, J_tag: Array, J_scale: Array
-) -> tuple[Array, Index]:
-    """J (K, c, d [+ 1]) by the tag and, if it has one, the scale; their columns in the border."""
-    d = problem.tag_dof
-    columns = block.tag[:, None] * d + np.arange(d)
-    if not len(block) or block.scale[0] < 0:
-        return J_tag, columns
-    scale_column = problem.n_tags * d + block.scale[:, None]
-    return np.concatenate([J_tag, J_scale[:, :, None]], axis=2), np.hstack([columns, scale_column])
+def _add_scale_terms(
+    sums: _Sums, problem: Problem, block: Sightings, terms: SightingTerms, w: Array
+) -> None:
+    """What the scale of `block` has to do with itself, with tags and with poses."""
+    column = problem.n_tags * problem.tag_dof + block.scale
+    J = terms.J_scale
+    wJ = J * w[:, None]
+    sums.border[column, column] += np.vdot(wJ, J)
+    sums.gradient_border[column] += np.vdot(wJ, terms.r)
+    with_tags = sum_by(block.tag, problem.n_tags, _against(terms.J_tag, wJ)).ravel()
+    sums.border[column, : with_tags.size] += with_tags
+    sums.border[: with_tags.size, column] += with_tags
+    rows = block.pose[:, None] * problem.pose_dof + np.arange(problem.pose_dof)
+    columns = np.full((len(block), 1), column)
+    sums.coupling.append(_outer_entries(rows, columns, _against(terms.J_pose, wJ)[:, :, None]))
 
 
-def _add_surveyed(problem: Problem, state: State, w: Array, border: Array, gradient: Array) -> None:
-    surveyed, d = problem.surveyed, problem.tag_dof
-    columns = surveyed.tag[:, None] * d + np.arange(d)
+def _add_surveyed(sums: _Sums, problem: Problem, state: State, w: Array) -> None:
+    surveyed, n_tags = problem.surveyed, problem.n_tags
     wJ = surveyed.whiten * w[:, None, None]
-    np.add.at(border, (columns[:, :, None], columns[:, None, :]), _gram(wJ, surveyed.whiten))
-    r = surveyed_residual(surveyed, state)
-    np.add.at(gradient, columns, np.einsum("kab,ka->kb", wJ, r))
+    _add_tag_blocks(sums.border, sum_by(surveyed.tag, n_tags, _gram(wJ, surveyed.whiten)))
+    by_tag = _against(wJ, surveyed_residual(surveyed, state))
+    gradient = sum_by(surveyed.tag, n_tags, by_tag).ravel()
+    sums.gradient_border[: gradient.size] += gradient
 
 
-def _add_scales(problem: Problem, state: State, border: Array, gradient: Array) -> None:
+def _add_scales(sums: _Sums, problem: Problem, state: State) -> None:
     columns = problem.n_tags * problem.tag_dof + np.arange(len(problem.scale_names))
-    border[columns, columns] += problem.scale_sigma**-2.0
-    gradient[columns] += scale_residual(problem, state) / problem.scale_sigma
+    sums.border[columns, columns] += problem.scale_sigma**-2.0
+    sums.gradient_border[columns] += scale_residual(problem, state) / problem.scale_sigma
 
 
-def _prior_square(problem: Problem, state: State) -> float:
-    if problem.prior is None:
-        return 0.0
-    difference = prior_difference(problem.kind, problem.prior, state)
-    return float(difference @ problem.prior.information @ difference)
-
-
-def _add_prior(
-    problem: Problem,
-    prior: Prior,
-    state: State,
-    diagonal: Array,
-    gradient_pose: Array,
-    border: Array,
-    gradient_border: Array,
-) -> Entries:
-    """Adds in place and returns the prior's coupling of the first pose with tags."""
+def _add_prior(sums: _Sums, problem: Problem, prior: Prior, state: State) -> None:
     dof, d = problem.pose_dof, problem.tag_dof
     information = prior.information
     gradient = information @ prior_difference(problem.kind, prior, state)
     columns = (prior.tag[:, None] * d + np.arange(d)).ravel()
-    diagonal[0] += information[:dof, :dof]
-    gradient_pose[0] += gradient[:dof]
-    border[np.ix_(columns, columns)] += information[dof:, dof:]
-    gradient_border[columns] += gradient[dof:]
+    sums.diagonal[0] += information[:dof, :dof]
+    sums.gradient_pose[0] += gradient[:dof]
+    sums.border[np.ix_(columns, columns)] += information[dof:, dof:]
+    sums.gradient_border[columns] += gradient[dof:]
     rows = np.repeat(np.arange(dof), len(columns))
-    return Entries(rows, np.tile(columns, dof), information[:dof, dof:].ravel())
+    cross = information[:dof, dof:].ravel()
+    sums.coupling.append(_Entries(rows, np.tile(columns, dof), cross))
 
 
 def _gram(left: Array, right: Array) -> Array:
     """left' right per factor: (K, a, b), (K, a, c) -> (K, b, c)."""
     product: Array = np.swapaxes(left, -1, -2) @ right
+    return product
+
+
+def _against(J: Array, r: Array) -> Array:
+    """J' r per factor: (K, a, b), (K, a) -> (K, b)."""
+    product: Array = np.einsum("kab,ka->kb", J, r)
     return product

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import combinations
+from math import comb
 
 import numpy as np
 
@@ -24,11 +25,10 @@ class LocalMap:
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """T_target_local (D, D); how many shared tags agree with it, out of how many."""
+    """T_target_local (D, D), and how many shared tags agree with it."""
 
     T: Array
     agreeing: int
-    shared: int
 
 
 def least_shared(kind: Kind) -> int:
@@ -39,35 +39,52 @@ def least_shared(kind: Kind) -> int:
 def align_maps(kind: Kind, local: LocalMap, target: LocalMap) -> Alignment | None:
     """Robust rigid alignment by least median of squares (Rousseeuw 1984), then on the inliers.
 
-    None where the shared tags do not determine it, or fewer than half of them agree.
+    None where the shared tags do not determine it, or fewer than half of them agree. The trial
+    alignments are those of minimal sets of tags.
     """
     shared, i, j = np.intersect1d(local.tags, target.tags, return_indices=True)
     if len(shared) < least_shared(kind):
         return None
     a, b = local.p[i], target.p[j]
     sigma = np.hypot(local.sigma[i], target.sigma[j])
-    best: tuple[float, Array] | None = None
-    for sample in _samples(len(shared), least_shared(kind)):
-        fit = align(a[sample], b[sample])
-        if not fit.determined:
-            continue
-        error = np.linalg.norm(lie(kind).act(fit.T_b_a, a) - b, axis=1) / sigma
-        score = float(np.median(error))
-        if best is None or score < best[0]:
-            best = (score, error)
-    if best is None:
+    samples = _samples(len(shared), least_shared(kind))
+    T_b_a = _frames(b[samples]) @ lie(kind).inverse(_frames(a[samples]))
+    moved = lie(kind).act(T_b_a[:, None], a)
+    error = np.linalg.norm(moved - b, axis=2) / sigma
+    score = np.median(error, axis=1)
+    best = int(np.argmin(np.where(np.isnan(score), np.inf, score)))
+    agreeing = error[best] <= max(3.0, 2.5 * 1.4826 * score[best])
+    if 2 * agreeing.sum() < len(shared):
         return None
-    agreeing = best[1] <= max(3.0, 2.5 * 1.4826 * best[0])
-    fit = align(a[agreeing], b[agreeing], sigma[agreeing] ** -2.0)
-    if not fit.determined or 2 * agreeing.sum() < len(shared):
-        return None
-    return Alignment(fit.T_b_a, int(agreeing.sum()), len(shared))
+    fit = align(a[agreeing], b[agreeing], sigma[agreeing] ** -2.0, sigma.min())
+    return Alignment(fit.T_b_a, int(agreeing.sum())) if fit.determined else None
 
 
-def _samples(n: int, size: int) -> list[Index]:
-    """All subsets of `size` out of n, or a fixed random choice of them."""
-    every = [np.array(subset) for subset in combinations(range(min(n, 14)), size)]
-    if n <= 14 and len(every) <= MOST_SAMPLES:
-        return every
-    rng = np.random.default_rng(SEED)
-    return [rng.choice(n, size, replace=False) for _ in range(MOST_SAMPLES)]
+def _samples(n: int, size: int) -> Index:
+    """All subsets of `size` out of n, or a fixed random choice of them: (S, size)."""
+    if comb(n, size) <= MOST_SAMPLES:
+        return np.array(list(combinations(range(n), size)))
+    order = np.random.default_rng(SEED).random((MOST_SAMPLES, n)).argsort(axis=1)
+    return order[:, :size]
+
+
+def _frames(p: Array) -> Array:
+    """The frame (S, D, D) that the d points p (S, d, d) span: origin at their mean, x along 0-1.
+
+    NaN where they coincide or, in space, lie on one line.
+    """
+    d = p.shape[-1]
+    T = np.zeros((len(p), d + 1, d + 1))
+    T[:, d, d] = 1.0
+    T[:, :d, d] = p.mean(axis=1)
+    along = p[:, 1] - p[:, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x = along / np.linalg.norm(along, axis=1, keepdims=True)
+        if d == 2:
+            T[:, :2, 0] = x
+            T[:, :2, 1] = np.stack([-x[:, 1], x[:, 0]], axis=1)
+            return T
+        normal = np.cross(x, p[:, 2] - p[:, 0])
+        z = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    T[:, :3, 0], T[:, :3, 1], T[:, :3, 2] = x, np.cross(z, x), z
+    return T

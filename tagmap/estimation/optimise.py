@@ -9,16 +9,10 @@ from tagmap.conventions import Array
 from tagmap.estimation import robust
 from tagmap.estimation.gauge import free_directions
 from tagmap.estimation.linear import Factorisation, NormalEquations
-from tagmap.estimation.linearise import (
-    Residuals,
-    Weights,
-    linearise,
-    squared_residuals,
-    updated,
-)
+from tagmap.estimation.linearise import linearise, updated
 from tagmap.estimation.problem import Problem, State
+from tagmap.estimation.residuals import Residuals, Weights, squared_residuals, weighted_cost
 
-MU_STEP = 2.0
 DAMPING_FIRST = 1e-6
 DAMPING_LEAST = 1e-12
 DAMPING_MOST = 1e8
@@ -28,12 +22,14 @@ DAMPING_MOST = 1e8
 class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
+    mu_step: factor by which the robust weights sharpen per iteration.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
 
     max_iterations: int = 200
     tolerance: float = 1e-10
+    mu_step: float = 2.0
     max_regroupings: int = 20
 
 
@@ -60,13 +56,13 @@ def optimise(problem: Problem, state: State, options: Options) -> Optimum:
     settled = False
     while iterations < options.max_iterations and not settled:
         iterations += 1
-        moved = _descend(problem, state, residuals, weights, equations, damping)
+        moved = _descend(problem, state, residuals, weights, equations, damping, options.tolerance)
         if moved is None:
             break
         state, residuals, damping, decrease = moved
         sharp = mu >= robust.SHARPEST
         converged = sharp and decrease <= options.tolerance
-        mu = min(mu * MU_STEP, robust.SHARPEST)
+        mu = min(mu * options.mu_step, robust.SHARPEST)
         if regroupings < options.max_regroupings:
             new = robust.weights_at(problem, residuals, mu)
             regrouped = sharp and not _same(new, weights)
@@ -76,7 +72,7 @@ def optimise(problem: Problem, state: State, options: Options) -> Optimum:
         else:
             settled = converged
         equations = linearise(problem, state, weights)
-    cost = robust.weighted_cost(residuals, weights)
+    cost = weighted_cost(residuals, weights)
     return Optimum(state, weights, equations, cost, iterations, settled)
 
 
@@ -92,12 +88,14 @@ def _descend(
     weights: Weights,
     equations: NormalEquations,
     damping: float,
+    tolerance: float,
 ) -> tuple[State, Residuals, float, float] | None:
     """One accepted step: new state, its residuals, next damping, predicted relative decrease.
 
-    At the optimum, where rounding hides any decrease, the state stays. None if no damping helps.
+    At the optimum, where nothing of the `tolerance` is left to gain, the state
+    stays. None if no damping helps.
     """
-    cost = robust.weighted_cost(residuals, weights)
+    cost = weighted_cost(residuals, weights)
     gauge = free_directions(problem, state)
     while damping <= DAMPING_MOST:
         step = _step(equations, damping, gauge)
@@ -106,9 +104,9 @@ def _descend(
             trial = updated(problem, state, poses, border)
             trial_residuals = squared_residuals(problem, trial)
             decrease = predicted / max(cost, 1.0)
-            if robust.weighted_cost(trial_residuals, weights) <= cost:
+            if weighted_cost(trial_residuals, weights) <= cost:
                 return trial, trial_residuals, max(damping * 0.1, DAMPING_LEAST), decrease
-            if decrease <= 1e-12:
+            if decrease <= tolerance:
                 return state, residuals, damping, decrease
         damping = max(damping * 10.0, 1e-9)
     return None

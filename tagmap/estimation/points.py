@@ -7,6 +7,7 @@ import numpy as np
 from tagmap.conventions import Array, Index, Mask
 from tagmap.estimation.factors import lie
 from tagmap.estimation.problem import Problem, Sightings
+from tagmap.estimation.sums import sum_by
 from tagmap.geometry import camera, measurement
 
 ROBUST_ROUNDS = 10
@@ -29,10 +30,10 @@ class Points:
     def of_poses(self, first: int, last: int) -> "Points":
         """The points of poses first..last, both included, whose poses are then numbered from 0."""
         start, stop = np.searchsorted(self.pose, [first, last + 1])
-        part = self.take(np.arange(start, stop))
+        part = self.take(slice(int(start), int(stop)))
         return replace(part, pose=part.pose - first)
 
-    def take(self, keep: Index) -> "Points":
+    def take(self, keep: Index | slice) -> "Points":
         return Points(self.pose[keep], self.tag[keep], self.p_base[keep], self.information[keep])
 
 
@@ -115,6 +116,15 @@ def fit_tags(points: Points, T: Array, n_tags: int) -> TagFit:
     identities does not move it.
     """
     d = T.shape[-1] - 1
+    tags, number = np.unique(points.tag, return_inverse=True)
+    part = _fit(replace(points, tag=number), T, len(tags))
+    p, information, n = np.full((n_tags, d), np.nan), np.zeros((n_tags, d, d)), np.zeros(n_tags)
+    p[tags], information[tags], n[tags] = part.p, part.information, part.n
+    return TagFit(p, information, n)
+
+
+def _fit(points: Points, T: Array, n_tags: int) -> TagFit:
+    d = T.shape[-1] - 1
     T_point = T[points.pose]
     R = T_point[:, :d, :d]
     p_map = np.einsum("kij,kj->ki", R, points.p_base) + T_point[:, :d, d]
@@ -125,11 +135,11 @@ def fit_tags(points: Points, T: Array, n_tags: int) -> TagFit:
         offset = p_map - mean[points.tag]
         r2 = np.einsum("ki,kij,kj->k", offset, information, offset)
         w = np.where(np.isnan(r2), 1.0, 1.0 / (1.0 + r2 / d))
-        total = _sum_by_tag(points.tag, information * w[:, None, None], n_tags)
+        total = sum_by(points.tag, n_tags, information * w[:, None, None])
         moment = np.einsum("kij,kj,k->ki", information, p_map, w)
         solvable = _well_conditioned(total)
         mean = np.full((n_tags, d), np.nan)
-        rhs = _sum_by_tag(points.tag, moment, n_tags)[solvable]
+        rhs = sum_by(points.tag, n_tags, moment)[solvable]
         mean[solvable] = np.linalg.solve(total[solvable], rhs[:, :, None])[:, :, 0]
     n = np.bincount(points.tag, weights=w, minlength=n_tags)
     total[~solvable] = 0.0
@@ -143,12 +153,6 @@ def _medians(tag: Index, p: Array, n_tags: int) -> Array:
     for group in groups:
         medians[tag[group[0]]] = np.median(p[group], axis=0)
     return medians
-
-
-def _sum_by_tag(tag: Index, values: Array, n_tags: int) -> Array:
-    total = np.zeros((n_tags, *values.shape[1:]))
-    np.add.at(total, tag, values)
-    return total
 
 
 def _well_conditioned(information: Array) -> Mask:

@@ -25,10 +25,10 @@ ScaleName: TypeAlias = Literal["range", "stereo"]
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """K sightings of one form, and of one rig if the form is in pixels.
+    """K sightings of one form, and of one rig if the form is in pixels; ascending by pose.
 
     pose (K,), tag (K,); z (K, c); whiten (K, c, c) with whiten cov whiten^T = I;
-    T_cam_base (K, D, D); scale (K,) index into the scales or -1.
+    T_cam_base (K, D, D); scale: index into the problem's scales, or -1.
     """
 
     form: Form
@@ -38,26 +38,26 @@ class Sightings:
     z: Array
     whiten: Array
     T_cam_base: Array
-    scale: Index
+    scale: int
 
     def __len__(self) -> int:
         return len(self.pose)
 
-    def take(self, keep: Index) -> "Sightings":
-        """The sightings with the given numbers (or mask), in that order."""
-        fields = ("pose", "tag", "z", "whiten", "T_cam_base", "scale")
+    def take(self, keep: Index | slice) -> "Sightings":
+        """The sightings with the given numbers, in that order."""
+        fields = ("pose", "tag", "z", "whiten", "T_cam_base")
         return replace(self, **{name: getattr(self, name)[keep] for name in fields})
 
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """Steps from pose `first` (K,) to pose `first + 1`; T (K, D, D), whiten (K, dof, dof)."""
+    """Steps from pose `first` (K,), ascending, to the next; T (K, D, D), whiten (K, dof, dof)."""
 
     first: Index
     T: Array
     whiten: Array
 
-    def take(self, keep: Index) -> "Odometry":
+    def take(self, keep: Index | slice) -> "Odometry":
         return Odometry(self.first[keep], self.T[keep], self.whiten[keep])
 
 
@@ -71,6 +71,9 @@ class Surveyed:
 
     def __len__(self) -> int:
         return len(self.tag)
+
+    def take(self, keep: Index) -> "Surveyed":
+        return Surveyed(self.tag[keep], self.p[keep], self.whiten[keep])
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,36 +4,41 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tagmap.estimation.linearise import squared_residuals
 from tagmap.estimation.merge import least_shared
-from tagmap.estimation.optimise import Optimum
-from tagmap.estimation.problem import Problem
+from tagmap.estimation.residuals import squared_residuals
+from tagmap.estimation.settle import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked
-from tagmap.estimation.start import LEAST_SURVEYED, Start
-
-DOUBTFUL_WEIGHT = 0.5
+from tagmap.estimation.start import LEAST_SURVEYED
 
 
-def report(stacked: Stacked, start: Start, problem: Problem, optimum: Optimum) -> Iterator[str]:
+def report(settled: Settled) -> Iterator[str]:
     """One line per finding."""
-    yield from _gauge(stacked, start)
-    yield from _sessions(stacked, start)
-    yield from _tags(stacked, start)
-    yield from _surveys(stacked, start, problem, optimum)
+    if settled.singular:
+        yield (
+            "nothing is published: the stated covariances differ so much in size that those of "
+            "the map cannot be computed"
+        )
+    yield from _gauge(settled)
+    yield from _sessions(settled)
+    yield from _tags(settled)
+    yield from _surveys(settled.unanchored or settled)
 
 
-def _gauge(stacked: Stacked, start: Start) -> Iterator[str]:
-    surveyed = len(stacked.problem.surveyed)
-    if start.anchored or not surveyed:
+def _gauge(settled: Settled) -> Iterator[str]:
+    surveyed = len(np.unique(settled.stacked.problem.surveyed.tag))
+    if settled.start.anchored or not surveyed:
         return
-    if surveyed < LEAST_SURVEYED:
+    if settled.unanchored is not None:
+        yield f"map is floating: the {surveyed} surveyed tags contradict the robots or each other"
+    elif surveyed < LEAST_SURVEYED:
         yield f"map is floating: {surveyed} surveyed tags, {LEAST_SURVEYED} needed"
     else:
         yield f"map is floating: the {surveyed} surveyed tags are in line and fix no frame"
 
 
-def _sessions(stacked: Stacked, start: Start) -> Iterator[str]:
+def _sessions(settled: Settled) -> Iterator[str]:
     """Sessions of which some or all keyframes have no chain of sightings to the gauge."""
+    stacked, start = settled.stacked, settled.start
     seen = _tags_by_session(stacked)
     for s, hello in enumerate(stacked.sessions):
         poses = slice(stacked.bounds[s], stacked.bounds[s + 1])
@@ -58,23 +63,22 @@ def _tags_by_session(stacked: Stacked) -> list[set[int]]:
     return seen
 
 
-def _tags(stacked: Stacked, start: Start) -> Iterator[str]:
-    for tag in np.flatnonzero(~start.mapped):
+def _tags(settled: Settled) -> Iterator[str]:
+    for tag in np.flatnonzero(~settled.start.mapped):
         yield (
-            f"tag {stacked.tags[tag]}: withheld: no keyframe on the map determines its position; "
-            "it needs sightings from two directions or one with range"
+            f"tag {settled.stacked.tags[tag]}: withheld: no keyframe on the map determines its "
+            "position; it needs sightings from two directions or one with range"
         )
 
 
-def _surveys(stacked: Stacked, start: Start, problem: Problem, optimum: Optimum) -> Iterator[str]:
-    if not len(problem.surveyed):
-        return
-    tags = np.flatnonzero(start.mapped)
-    r2 = squared_residuals(problem, optimum.state).surveyed
-    for i in np.flatnonzero(optimum.weights.surveyed < DOUBTFUL_WEIGHT):
-        number = problem.surveyed.tag[i]
-        off = np.linalg.norm(optimum.state.p[number] - problem.surveyed.p[i])
+def _surveys(settled: Settled) -> Iterator[str]:
+    """Surveyed positions that the robots' sightings contradict."""
+    surveyed, optimum = settled.problem.surveyed, settled.optimum
+    r2 = squared_residuals(settled.problem, optimum.state).surveyed
+    for i in np.flatnonzero(optimum.weights.surveyed < INLIER_WEIGHT):
+        number = surveyed.tag[i]
+        off = np.linalg.norm(optimum.state.p[number] - surveyed.p[i])
         yield (
-            f"tag {stacked.tags[tags[number]]}: its surveyed position is {off:.3f} m "
-            f"({np.sqrt(r2[i]):.1f} sigma) away from where the robots see it; not used"
+            f"tag {settled.stacked.tags[settled.tags[number]]}: its surveyed position is "
+            f"{off:.3f} m ({np.sqrt(r2[i]):.1f} sigma) away from where the robots see it; not used"
         )

@@ -13,14 +13,13 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
 
     An odometry step stays where both its poses do; a sighting where its pose and its tag do.
     """
-    new_pose = _renumbering(problem.n_poses, poses)
     new_tag = _renumbering(problem.n_tags, tags)
     return replace(
         problem,
         n_poses=len(poses),
         n_tags=len(tags),
-        odometry=_odometry(problem.odometry, new_pose),
-        sightings=tuple(_sightings(block, new_pose, new_tag) for block in problem.sightings),
+        odometry=_odometry(problem.odometry, poses),
+        sightings=tuple(_sightings(block, poses, new_tag) for block in problem.sightings),
         surveyed=_surveyed(problem.surveyed, new_tag),
         prior=None,
     )
@@ -28,10 +27,13 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
 
 def without_scales(problem: Problem) -> Problem:
     """The problem with every common scale taken as exactly 1."""
-    blocks = tuple(
-        replace(block, scale=np.full(len(block), -1, dtype=np.int64)) for block in problem.sightings
-    )
+    blocks = tuple(replace(block, scale=-1) for block in problem.sightings)
     return replace(problem, sightings=blocks, scale_names=(), scale_sigma=np.zeros(0))
+
+
+def without_surveys(problem: Problem) -> Problem:
+    """The problem of the robots alone."""
+    return replace(problem, surveyed=problem.surveyed.take(np.zeros(0, dtype=np.int64)))
 
 
 def _renumbering(size: int, kept: Index) -> Index:
@@ -40,18 +42,39 @@ def _renumbering(size: int, kept: Index) -> Index:
     return new
 
 
-def _odometry(odometry: Odometry, new_pose: Index) -> Odometry:
-    first, following = new_pose[odometry.first], new_pose[odometry.first + 1]
+def _span(ascending: Index, poses: Index) -> slice:
+    """Where in `ascending` pose numbers those from poses[0] to poses[-1] lie."""
+    if not len(poses):
+        return slice(0, 0)
+    start, stop = np.searchsorted(ascending, [poses[0], poses[-1] + 1])
+    return slice(int(start), int(stop))
+
+
+def _among(numbers: Index, poses: Index) -> Index:
+    """The place of each number in `poses`, -1 where it is not there."""
+    at = np.minimum(np.searchsorted(poses, numbers), len(poses) - 1)
+    found: Index = np.where(poses[at] == numbers, at, -1)
+    return found
+
+
+def _odometry(odometry: Odometry, poses: Index) -> Odometry:
+    part = odometry.take(_span(odometry.first, poses))
+    if not len(part.first):
+        return part
+    first, following = _among(part.first, poses), _among(part.first + 1, poses)
     kept = np.flatnonzero((first >= 0) & (following >= 0))
-    return replace(odometry.take(kept), first=first[kept])
+    return replace(part.take(kept), first=first[kept])
 
 
-def _sightings(block: Sightings, new_pose: Index, new_tag: Index) -> Sightings:
-    kept = np.flatnonzero((new_pose[block.pose] >= 0) & (new_tag[block.tag] >= 0))
-    part = block.take(kept)
-    return replace(part, pose=new_pose[part.pose], tag=new_tag[part.tag])
+def _sightings(block: Sightings, poses: Index, new_tag: Index) -> Sightings:
+    part = block.take(_span(block.pose, poses))
+    if not len(part):
+        return part
+    pose, tag = _among(part.pose, poses), new_tag[part.tag]
+    kept = np.flatnonzero((pose >= 0) & (tag >= 0))
+    return replace(part.take(kept), pose=pose[kept], tag=tag[kept])
 
 
 def _surveyed(surveyed: Surveyed, new_tag: Index) -> Surveyed:
-    kept = np.flatnonzero(new_tag[surveyed.tag] >= 0)
-    return Surveyed(new_tag[surveyed.tag[kept]], surveyed.p[kept], surveyed.whiten[kept])
+    part = surveyed.take(np.flatnonzero(new_tag[surveyed.tag] >= 0))
+    return replace(part, tag=new_tag[part.tag])

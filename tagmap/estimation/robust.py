@@ -8,23 +8,26 @@ Tzoumas, Carlone, "Graduated Non-Convexity for Robust Spatial Perception", RA-L 
         0                                  r2 >= c2 (mu + 1) / mu
 
 for mu growing from nearly 0 (all weights alike) to SHARPEST, beyond which weights are 0 or 1: then
-the last steps converge quadratically and covariances need no correction.
+the last steps converge quadratically.
 `c2` is a chi-square quantile of the factor's dimension: nothing here is tuned to a data set.
 Odometry is not down-weighted: a chain cut at one bad step would fall apart.
 """
+
+from functools import cache
 
 import numpy as np
 from scipy import stats
 
 from tagmap.conventions import Array
-from tagmap.estimation.linearise import Residuals, Weights
 from tagmap.estimation.problem import Problem
+from tagmap.estimation.residuals import Residuals, Weights
 
 INLIER_PROBABILITY = 0.99
 SHARPEST = 100.0
 BLUNTEST = 1e-4
 
 
+@cache
 def chi2_bound(dimension: int) -> float:
     """The c2 that INLIER_PROBABILITY of true measurements stay below."""
     return float(stats.chi2.ppf(INLIER_PROBABILITY, dimension))
@@ -63,12 +66,23 @@ def first_mu(problem: Problem, residuals: Residuals) -> float:
     return float(np.clip(1.0 / max(2.0 * ratio - 1.0, 1e-9), BLUNTEST, SHARPEST))
 
 
-def weighted_cost(residuals: Residuals, weights: Weights) -> float:
-    """Sum of w r2 over all factors, with the priors: what a step at fixed weights decreases."""
-    pairs = [
-        *zip(residuals.sightings, weights.sightings, strict=True),
-        (residuals.odometry, weights.odometry),
-        (residuals.surveyed, weights.surveyed),
-    ]
-    total = sum(float(w[w > 0.0] @ r2[w > 0.0]) for r2, w in pairs)
-    return total + float(residuals.scale.sum()) + residuals.prior
+def efficient(problem: Problem, weights: Weights) -> Weights:
+    """Weights that give the covariance of the optimum: cutting off true measurements costs some.
+
+    An M-estimate of psi(r) = r [|r|^2 <= c2] has the covariance E[psi']^-1 E[psi^2] E[psi']^-1 of
+    that without cutting (Huber, "Robust Statistics", 1981, 6.3). For Gaussian r of dimension d both
+    expectations are P(chi2_d+2 <= c2), of which P(chi2_d <= c2) is in the accepted factors already.
+    """
+    blocks = zip(problem.sightings, weights.sightings, strict=True)
+    return Weights(
+        tuple(efficiency(block.z.shape[1]) * w for block, w in blocks),
+        weights.odometry,
+        efficiency(problem.tag_dof) * weights.surveyed,
+    )
+
+
+@cache
+def efficiency(dimension: int) -> float:
+    """What an accepted measurement of that dimension is worth."""
+    kept = stats.chi2.cdf(chi2_bound(dimension), dimension + 2)
+    return float(kept / INLIER_PROBABILITY)

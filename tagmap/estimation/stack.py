@@ -16,16 +16,18 @@ from tagmap.estimation.problem import (
     whitening,
 )
 from tagmap.geometry.covariance import unpack_upper
-from tagmap.geometry.stereo import StereoRig
 from tagmap.records import Hello, Keyframe, Sighting
 from tagmap.records import arrays as convert
 from tagmap.records.keyframe import Form
+from tagmap.records.rig import RigCalibration
 
 SCALED_FORMS: dict[Form, ScaleName] = {
     "range_bearing": "range",
     "point_cam_m": "range",
     "stereo_px": "stereo",
 }
+RIG_FORMS: tuple[Form, ...] = ("stereo_px", "mono_px")
+LEAST_SURVEY_SIGMA_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,13 +116,13 @@ def _odometry(kind: Kind, frames: list[list[Keyframe]]) -> Odometry:
             if frame.odom is None or before is None or frame.seq != before.seq + 1:
                 continue
             first.append(number - 1)
-            steps.append(convert.matrix(frame.odom.T_prev_cur))
+            steps.append(frame.odom.T_prev_cur)
             covs.append(frame.odom.cov)
-    dof, size = POSE_DOF[kind], TAG_DOF[kind] + 1
+    dof = POSE_DOF[kind]
     upper = np.array(covs, dtype=float).reshape(-1, dof * (dof + 1) // 2)
     return Odometry(
         first=np.array(first, dtype=np.int64),
-        T=np.array(steps, dtype=float).reshape(-1, size, size),
+        T=convert.matrices(kind, steps),
         whiten=whitening(unpack_upper(upper, dof)),
     )
 
@@ -138,27 +140,27 @@ def _sightings(
     kind: Kind, hellos: Sequence[Hello], frames: list[list[Keyframe]], tags: Sequence[str]
 ) -> tuple[tuple[Sightings, ...], dict[ScaleName, float]]:
     """One block per form, rig and scale."""
-    number_of = {tag: i for i, tag in enumerate(tags)}
     scales = _scale_priors(hellos)
-    groups: dict[tuple[Form, int, bool], list[tuple[int, Sighting, Array]]] = {}
+    names = list(scales)
+    number_of = {tag: i for i, tag in enumerate(tags)}
+    T_base_cam = convert.matrices(kind, [frame.T_base_cam for part in frames for frame in part])
+    T_cam_base = lie(kind).inverse(T_base_cam)
+    rigs: dict[RigCalibration | None, int] = {None: 0}
+    groups: dict[tuple[Form, int, bool], list[tuple[int, Sighting]]] = {}
     pose = -1
-    for session, (hello, keyframes) in enumerate(zip(hellos, frames, strict=True)):
+    for hello, keyframes in zip(hellos, frames, strict=True):
+        rig = rigs.setdefault(hello.rig, len(rigs))
         for frame in keyframes:
             pose += 1
-            if not frame.sightings:
-                continue
-            T_cam_base = lie(kind).inverse(convert.matrix(frame.T_base_cam))
             for sighting in frame.sightings:
                 form = sighting.z.form
-                rig = session if form in ("stereo_px", "mono_px") else -1
-                key = (form, rig, _has_scale(hello, form))
-                groups.setdefault(key, []).append((pose, sighting, T_cam_base))
-    rigs = [None if h.rig is None else convert.stereo_rig(h.rig) for h in hellos]
-    names = list(scales)
+                key = (form, rig if form in RIG_FORMS else 0, _has_scale(hello, form))
+                groups.setdefault(key, []).append((pose, sighting))
+    calibrations = list(rigs)
     blocks = []
     for (form, rig, scaled), members in sorted(groups.items(), key=lambda item: item[0]):
         scale = names.index(SCALED_FORMS[form]) if scaled else -1
-        blocks.append(_block(form, rigs[rig] if rig >= 0 else None, scale, members, number_of))
+        blocks.append(_block(form, calibrations[rig], scale, members, number_of, T_cam_base))
     return tuple(blocks), scales
 
 
@@ -170,29 +172,32 @@ def _has_scale(hello: Hello, form: Form) -> bool:
 
 def _block(
     form: Form,
-    rig: StereoRig | None,
+    rig: RigCalibration | None,
     scale: int,
-    members: list[tuple[int, Sighting, Array]],
+    members: list[tuple[int, Sighting]],
     number_of: dict[str, int],
+    T_cam_base: Array,
 ) -> Sightings:
-    z = np.array([sighting.z.values for _, sighting, _ in members], dtype=float)
-    cov = np.array([sighting.z.cov for _, sighting, _ in members], dtype=float)
+    z = np.array([sighting.z.values for _, sighting in members], dtype=float)
+    cov = np.array([sighting.z.cov for _, sighting in members], dtype=float)
+    pose = np.array([pose for pose, _ in members], dtype=np.int64)
     return Sightings(
         form=form,
-        rig=rig,
-        pose=np.array([pose for pose, _, _ in members], dtype=np.int64),
-        tag=np.array([number_of[sighting.tag] for _, sighting, _ in members], dtype=np.int64),
+        rig=None if rig is None else convert.stereo_rig(rig),
+        pose=pose,
+        tag=np.array([number_of[sighting.tag] for _, sighting in members], dtype=np.int64),
         z=z,
         whiten=whitening(unpack_upper(cov, z.shape[1])),
-        T_cam_base=np.array([T for _, _, T in members]),
-        scale=np.full(len(members), scale, dtype=np.int64),
+        T_cam_base=T_cam_base[pose],
+        scale=scale,
     )
 
 
 def _surveyed(kind: Kind, surveys: Sequence[SurveyedTag], tags: Sequence[str]) -> Surveyed:
     d = TAG_DOF[kind]
     number_of = {tag: i for i, tag in enumerate(tags)}
-    sigma = np.array([survey.sigma_m for survey in surveys], dtype=float)
+    # No survey is that good; its information must stay finite.
+    sigma = np.maximum([survey.sigma_m for survey in surveys], LEAST_SURVEY_SIGMA_M)
     return Surveyed(
         tag=np.array([number_of[survey.tag] for survey in surveys], dtype=np.int64),
         p=np.array([survey.p_m[:d] for survey in surveys], dtype=float).reshape(-1, d),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tagmap.conventions import Array, Form, Index
+from tagmap.conventions import TAG_DOF, Array, Form, Index, Kind
 from tagmap.geometry import se2, se3
 from tagmap.geometry.camera import Camera
 from tagmap.geometry.covariance import pack_upper, unpack_upper
@@ -34,6 +34,16 @@ def matrix(transform: Transform) -> Array:
         return se3.from_p_q(p, np.array(transform.q_wxyz))
     assert isinstance(transform.theta_rad, float)
     return se2.from_p_theta(p, transform.theta_rad)
+
+
+def matrices(kind: Kind, transforms: Sequence[Transform]) -> Array:
+    """(N, 4, 4) of spatial, (N, 3, 3) of planar transforms."""
+    d = TAG_DOF[kind]
+    p = np.array([transform.p_m for transform in transforms]).reshape(-1, d)
+    if kind == "spatial":
+        q_wxyz = [transform.q_wxyz for transform in transforms]
+        return se3.from_p_q(p, np.array(q_wxyz, dtype=np.float64).reshape(-1, 4))
+    return se2.from_p_theta(p, np.array([transform.theta_rad for transform in transforms], float))
 
 
 def transform(T: Array) -> Transform:
