@@ -37,8 +37,8 @@ def measure(plan: Plan) -> dict[str, list[float]]:
     runs: dict[str, list[float]] = {metric.key: [] for metric in METRICS}
     for n in range(SAMPLE_ROUNDS if plan.sample else ROUNDS):
         plan.tell(f"store: round {n + 1}")
-        batched = _rate(_commit, _parts(keyframes, BATCH))
-        single = _rate(_commit, _parts(keyframes[:singles], 1))
+        batched = commit_rate(keyframes, BATCH)
+        single = commit_rate(keyframes[:singles], 1)
         peer = _rate(insert_all, _parts(keyframes, BATCH))
         runs["batch_rate"].append(batched)
         runs["one_by_one_rate"].append(single)
@@ -46,6 +46,11 @@ def measure(plan: Plan) -> dict[str, list[float]]:
         runs["batch_by_insert_all"].append(batched / peer)
         runs["batch_by_one_by_one"].append(batched / single)
     return runs
+
+
+def commit_rate(keyframes: Keyframes, size: int) -> float:
+    """Keyframes per second into a new database, `size` in a commit."""
+    return _rate(_commit, _parts(keyframes, size))
 
 
 def _parts(keyframes: Keyframes, size: int) -> list[Keyframes]:

@@ -29,8 +29,8 @@ def insert_all(db: Path, parts: Sequence[list[Keyframe]]) -> float:
         first = 1
         for part in parts:
             with peer.atomic():
-                peer["keyframes"].insert_all(_keyframes(first, ids, part), ignore=True)
-                peer["sightings"].insert_all(_sightings(first, part), ignore=True)
+                peer.table("keyframes").insert_all(_keyframes(first, ids, part), ignore=True)
+                peer.table("sightings").insert_all(_sightings(first, part), ignore=True)
             first += len(part)
         return time.perf_counter() - began_s
 
