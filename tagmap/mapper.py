@@ -145,7 +145,9 @@ class Mapper:
         )
 
     def presence(self, robot: str, alive: bool) -> None:
-        (self.alive.add if alive else self.alive.discard)(robot)
+        """A robot's liveliness token came or went."""
+        if self.ingest.ledger(robot) is not None:
+            (self.alive.add if alive else self.alive.discard)(robot)
 
     def status(self) -> dict[str, Any]:
         """What `tagmap status` shows of the mapper; counters are of all robots together."""
@@ -171,12 +173,16 @@ class Mapper:
         for keyframe in draft.keyframes:
             self.live.offer(keyframe)
         for robot, session in draft.touched:
-            self.live.reach(self.ingest.robots[robot].sessions[session])
+            settled = self.ingest.robots[robot].sessions.get(session)
+            if settled is not None:
+                self.live.reach(settled)
 
     def _acks(self, draft: Draft) -> list[tuple[str, Ack]]:
+        """A session may be forgotten in the same step: its robot will ask."""
         return [
-            (robot, self.ingest.robots[robot].sessions[session].ack(seqs))
+            (robot, index.ack(seqs))
             for (robot, session), seqs in draft.touched.items()
+            if (index := self.ingest.robots[robot].sessions.get(session)) is not None
         ]
 
 

@@ -55,6 +55,8 @@ def _get(
     give_up_s = time.monotonic() + WAIT_S
     while True:
         for reply in link.get(selector, payload, timeout_s=timeout_s):
+            if reply.error == "Timeout":
+                raise LinkError(f"no answer from the map service within {timeout_s:g} s")
             if reply.error is not None:
                 raise Refused(reply.error)
             if reply.payload is not None:

@@ -26,8 +26,9 @@ def solve(target: Target, timeout_s: float) -> None:
         return
     summary = data.pop("summary") or {}
     report = summary.pop("report", [])
-    hidden = ("facts", "ends")
-    show_facts(data | {name: value for name, value in summary.items() if name not in hidden})
+    told = {"at": time_of(data["t_ns"]), **data, **summary}
+    hidden = ("v", "t_ns", "moved", "facts", "ends")
+    show_facts({name: value for name, value in told.items() if name not in hidden})
     for line in report:
         click.echo(f"report: {line}")
 

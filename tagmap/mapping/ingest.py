@@ -34,7 +34,7 @@ class Ingest:
 
     def take(self, arrival: Arrival, draft: Draft) -> None:
         """Judge one message and write the verdict into `draft`."""
-        ledger = self._ledger(arrival.robot)
+        ledger = self.ledger(arrival.robot)
         if ledger is None:
             self.stray += 1
             return
@@ -60,13 +60,13 @@ class Ingest:
         ledger = self.robots.setdefault(index.robot, RobotLedger(index.robot))
         ledger.sessions[index.session] = index
         if index.hello is None:
-            ledger.unopened += 1
             return
         self.kind = self.kind or index.hello.kind
         ledger.number = number or index.hello.number
         self.holders[ledger.number] = index.robot
 
-    def _ledger(self, robot: str) -> RobotLedger | None:
+    def ledger(self, robot: str) -> RobotLedger | None:
+        """Of a robot heard of, made when new; None where that is no name, or one too many."""
         ledger = self.robots.get(robot)
         if ledger is None and re.fullmatch(NAME, robot) and len(self.robots) < MAX_ROBOTS:
             ledger = self.robots[robot] = RobotLedger(robot)
@@ -79,9 +79,8 @@ class Ingest:
             self._count_duplicate(ledger, index, 0, index.hello != hello, draft)
             return
         self._check_hello(ledger, hello)
-        index = ledger.open(hello.session)
-        index.accept(hello)
-        self.kind, ledger.number = hello.kind, hello.number
+        index = ledger.open(hello)
+        self.kind = hello.kind
         self.holders[hello.number] = ledger.robot
         ledger.counters.hellos += 1
         draft.accept(hello)
@@ -91,7 +90,7 @@ class Ingest:
     def _take_keyframe(self, ledger: RobotLedger, keyframe: Keyframe, draft: Draft) -> None:
         self._check_names(ledger, keyframe)
         index = ledger.session(keyframe.session)
-        if index is None or index.is_too_far(keyframe.seq):
+        if index.is_too_far(keyframe.seq):
             self._postpone(ledger, keyframe.session, keyframe.seq, draft)
         elif index.is_stored(keyframe.seq):
             contradiction = index.contradicts(keyframe)
@@ -128,7 +127,7 @@ class Ingest:
 
     def _refuse(self, ledger: RobotLedger, address: Address, reason: str, draft: Draft) -> None:
         index = ledger.session(address.session)
-        if index is None or index.is_too_far(address.seq):
+        if index.is_too_far(address.seq):
             self._postpone(ledger, address.session, address.seq, draft)
             return
         ledger.counters.refused += 1

@@ -3,8 +3,10 @@
 from dataclasses import asdict, dataclass, field
 
 from tagmap.mapping.session import SessionIndex
+from tagmap.records import Hello
 
-MAX_UNOPENED = 1000
+MAX_UNOPENED = 256
+MAX_REMEMBERED = 4
 
 
 @dataclass(slots=True)
@@ -32,25 +34,33 @@ class Counters:
 
 @dataclass(slots=True)
 class RobotLedger:
+    """`sessions`: the newest hello last. Only the last few remember recent keyframes."""
+
     robot: str
     number: int | None = None
     sessions: dict[str, SessionIndex] = field(default_factory=dict)
     counters: Counters = field(default_factory=Counters)
-    unopened: int = 0
 
-    def session(self, session: str) -> SessionIndex | None:
-        """The session's index, made when new; None when too many sessions lack a valid hello."""
+    def session(self, session: str) -> SessionIndex:
+        """The session's index, made when new.
+
+        Of many sessions without a valid hello the oldest are forgotten: the database still knows
+        them, and takes nothing twice.
+        """
         index = self.sessions.get(session)
-        if index is None and self.unopened < MAX_UNOPENED:
-            self.unopened += 1
+        if index is None:
+            unopened = [name for name, one in self.sessions.items() if one.hello is None]
+            for name in unopened[: len(unopened) - MAX_UNOPENED + 1]:
+                del self.sessions[name]
             index = self.sessions[session] = SessionIndex(self.robot, session)
         return index
 
-    def open(self, session: str) -> SessionIndex:
-        """The index of a session whose hello is being accepted: there is always room for it."""
-        index = self.sessions.get(session)
-        if index is None:
-            index = self.sessions[session] = SessionIndex(self.robot, session)
-        elif index.hello is None:
-            self.unopened -= 1
+    def open(self, hello: Hello) -> SessionIndex:
+        """The index of a session whose hello is accepted; it becomes the newest."""
+        index = self.sessions.pop(hello.session, None) or SessionIndex(self.robot, hello.session)
+        self.sessions[hello.session] = index
+        index.accept(hello)
+        self.number = hello.number
+        for name in list(self.sessions)[:-MAX_REMEMBERED]:
+            self.sessions[name].recent.clear()
         return index

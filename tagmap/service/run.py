@@ -9,6 +9,7 @@ from pathlib import Path
 
 import structlog
 
+from tagmap.errors import LinkError
 from tagmap.link.keys import Keys
 from tagmap.link.query import Query
 from tagmap.link.router import RouterProcess
@@ -46,6 +47,15 @@ def run(settings: Settings) -> None:
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
+    try:
+        _serve(settings, stopping)
+    except LinkError:
+        # Told to stop while still waiting for other people's router.
+        if not stopping.is_set():
+            raise
+
+
+def _serve(settings: Settings, stopping: threading.Event) -> None:
     log = structlog.get_logger("service")
     with ExitStack() as opened:
         store = opened.enter_context(SiteStore.open(settings.db, settings.site))

@@ -82,6 +82,7 @@ class Service:
                 self._turn_away(events)
             self._keep_router()
             self._report_flood()
+        self.solving.turn_away("the service stops")
 
     def survey(self, positions: Iterable[SurveyedPosition]) -> int:
         """Store what is new among `positions`; returns how many that were."""

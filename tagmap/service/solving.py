@@ -48,8 +48,12 @@ class Solving:
             return
         self.cadence.fail(time.monotonic())
         self._log.error("solve failed", reason=failed.reason, failures=self.cadence.failures)
+        self.turn_away(f"the solve failed: {failed.reason}")
+
+    def turn_away(self, reason: str) -> None:
+        """Tell everybody who waits that it was in vain."""
         for _, query in self._waiting:
-            self._desk.refuse(query, f"the solve failed: {failed.reason}")
+            self._desk.refuse(query, reason)
         self._waiting.clear()
 
     def finish(self, result: Solved, mapper: Mapper, now_ns: int) -> Adoption | None:

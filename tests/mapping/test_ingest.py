@@ -184,14 +184,24 @@ def test_counters_add_up():
     assert counts.pop("received") == sum(counts.values())
 
 
-def test_sessions_without_hello_are_bounded(monkeypatch):
+def test_of_many_sessions_without_hello_the_oldest_are_forgotten(monkeypatch):
     monkeypatch.setattr("tagmap.mapping.ledger.MAX_UNOPENED", 3)
     ingest = Ingest("site")
+    feed(ingest, hello(session="session-open"))
     for i in range(5):
-        feed(ingest, keyframe(1, session=f"session-000{i}"))
-    assert len(ingest.robots["r1"].sessions) == 3
-    assert counters(ingest).postponed == 2
-    assert len(feed(ingest, hello(session="session-new")).hellos) == 1
+        assert len(feed(ingest, keyframe(1, session=f"session-000{i}")).keyframes) == 1
+    kept = ["session-open", "session-0002", "session-0003", "session-0004"]
+    assert list(ingest.robots["r1"].sessions) == kept
+
+
+def test_only_the_newest_sessions_remember_their_keyframes(monkeypatch):
+    monkeypatch.setattr("tagmap.mapping.ledger.MAX_REMEMBERED", 2)
+    ingest = Ingest("site")
+    names = [f"session-000{i}" for i in range(4)]
+    for name in names:
+        feed(ingest, hello(session=name), keyframe(1, session=name))
+    remembered = [len(session_of(ingest, session=name).recent) for name in names]
+    assert remembered == [0, 0, 1, 1]
 
 
 def test_an_ack_lists_the_newest_refusals_and_stays_small():

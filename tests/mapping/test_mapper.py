@@ -110,3 +110,11 @@ def test_status_counts_all_robots():
     counters = status["counters"]
     assert (counters["received"], counters["stored"], counters["hellos"]) == (4, 1, 2)
     assert (counters["malformed"], counters["stray"]) == (1, 1)
+
+
+def test_a_step_survives_sessions_that_it_forgets_itself(monkeypatch):
+    monkeypatch.setattr("tagmap.mapping.ledger.MAX_UNOPENED", 2)
+    frames = [keyframe(1, session=f"session-000{i}") for i in range(6)]
+    outcome = Mapper("site").step(arrivals(*frames))
+    assert len(outcome.keyframes) == 6
+    assert [ack.session for _, ack in outcome.acks] == ["session-0004", "session-0005"]
