@@ -82,17 +82,26 @@ def replay() -> None:
 @click.option("--depth-ratio", type=float, help="Deviation of a depth, per m.  [default: 0.01]")
 @click.option("--bearing-sigma-rad", type=float, help="Deviation of a bearing.  [default: 0.009]")
 @click.option("--latency-s", type=float, help="Delay of the drive.  [default: 0.2]")
-@click.option("--drive-gain", type=float, help="Motion per commanded motion.  [default: 0.93]")
+@click.option("--drive-gain", type=float, help="Motion per commanded motion.  [default: 1]")
 @click.option(
     "--range-scale-sigma",
     type=float,
     help="Make the scale of ranges an unknown, known beforehand so well.  [default: it is known]",
+)
+@click.option(
+    "--cameras-from-set",
+    "cameras",
+    type=click.Choice(("1", "6")),
+    default="6",
+    show_default=True,
+    help="The set whose truth the cameras were fitted to: take the other to judge one of them.",
 )
 @playing
 def mrclam(
     path: Path,
     truth: Path | None,
     swaps: tuple[tuple[str, str], ...],
+    cameras: str,
     how: How,
     **sigmas: float | None,
 ) -> None:
@@ -102,9 +111,9 @@ def mrclam(
     """
     from fleet.evaluation import mrclam as mrclam_truth
     from fleet.replay import mrclam as mrclam_reader
-    from fleet.replay.mrclam_calibration import MrclamCalibration
+    from fleet.replay.mrclam_calibration import CAMERAS, MrclamCalibration
 
-    calibration = _stated(MrclamCalibration(), sigmas)
+    calibration = _stated(MrclamCalibration(cameras=CAMERAS[cameras]), sigmas)
     recording = mrclam_reader.read(path, calibration)
     _play(recording, mrclam_truth.read_truth(path, truth, swaps), how)
 
