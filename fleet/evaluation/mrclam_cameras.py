@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from fleet.evaluation.truth import Truth, at
 from fleet.replay.mrclam_calibration import Camera, MrclamCalibration
 from fleet.replay.recording import RobotRecording
-from tagmap.conventions import Array
+from tagmap.conventions import Array, Index
 from tagmap.geometry import se2
 
 NEUTRAL = MrclamCalibration(cameras={robot: Camera(1.0, 0.0, 0.0) for robot in range(1, 6)})
@@ -41,7 +41,7 @@ def fit_camera(robot: RobotRecording, truth: Truth) -> Camera | None:
     return Camera(scale, x_m, yaw_rad)
 
 
-def _seen(robot: RobotRecording, truth: Truth, T_map_base: Array, known: Array) -> Array:
+def _seen(robot: RobotRecording, truth: Truth, T_map_base: Array, known: Index) -> Array:
     """Rows of depth, bearing as measured, and x, y in base as they truly were."""
     rows = []
     for T, index in zip(se2.inverse(T_map_base), known.tolist(), strict=True):
@@ -50,7 +50,7 @@ def _seen(robot: RobotRecording, truth: Truth, T_map_base: Array, known: Array) 
                 range_m, bearing_rad = sighting.z.values
                 p_base = se2.act(T, truth.landmarks[sighting.tag])
                 rows.append((range_m * np.cos(bearing_rad), bearing_rad, *p_base))
-    table = np.array(rows).reshape(-1, 4)
+    table: Array = np.array(rows, dtype=float).reshape(-1, 4)
     return table[np.abs(table[:, 0] - table[:, 2]) < GROSS_M]
 
 

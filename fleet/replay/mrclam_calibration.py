@@ -2,8 +2,8 @@
 
 What the files call range is the depth of the barcode along the camera's axis, not its distance:
 divided by the cosine of the bearing, the spread of its error falls from 4-5 % to 1 % of the range.
-Depth scale and mount of each camera were fitted to the truth of two sets, recorded on different days,
-by `python -m fleet.evaluation.mrclam_cameras`; to judge a set, use the cameras of the other one.
+Depth scale and mount of each camera were fitted to the truth of two sets from different days, by
+`python -m fleet.evaluation.mrclam_cameras`; to judge a set, use the cameras of the other one.
 Wheels follow their commands late; how late shows in the turning of bearings, without any truth.
 """
 
