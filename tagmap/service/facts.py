@@ -11,16 +11,23 @@ from tagmap.store import SiteStore, Survey
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """How far the facts reach; equal extents are equal facts, as facts are append-only.
+    """How far the facts reach.
 
     through_id  row id of the last keyframe
     sessions    how many have a hello
+    keyframes   how many can be used; as facts are append-only, equal counts are equal keyframes
     surveys     (tag, t_ns) of every survey in force
     """
 
     through_id: int = 0
     sessions: int = 0
+    keyframes: int = 0
     surveys: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def substance(self) -> tuple[int, tuple[tuple[str, int], ...]]:
+        """What a map is made from."""
+        return self.keyframes, self.surveys
 
 
 @dataclass(slots=True)
@@ -39,9 +46,11 @@ class Facts:
         self.hellos = {(s.robot, s.session): s.hello for s in store.sessions() if s.hello}
         self.surveys = store.surveys()
 
-    @property
-    def extent(self) -> Extent:
-        return Extent(self.through_id, len(self.hellos), survey_marks(self.surveys))
+    def extent(self, sessions: Iterable[SessionData]) -> Extent:
+        """Of these facts, of which `sessions` can be used."""
+        keyframes = sum(len(session.keyframes) for session in sessions)
+        marks = survey_marks(self.surveys)
+        return Extent(self.through_id, len(self.hellos), keyframes, marks)
 
     def sessions(self) -> list[SessionData]:
         """Sessions with a hello, with the keyframes that it allows; none without keyframes."""

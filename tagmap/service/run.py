@@ -23,8 +23,8 @@ from tagmap.service.shell import Presence, Service
 from tagmap.service.solver import SolverProcess
 from tagmap.store import SiteStore
 
-CAPACITY = 4096
-RING = 8192
+CAPACITY = 2048
+RING = 2048
 OWN_ROUTER_S = 5.0
 ARCHIVE_STOP_S = 2.0
 

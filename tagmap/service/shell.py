@@ -6,13 +6,13 @@ database: it is thrown away and restored from there, and the robots send again.
 
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import structlog
 
-from tagmap.errors import LinkError, StoreError
+from tagmap.errors import LinkError, StoreError, TagmapError
 from tagmap.link.keys import Keys
 from tagmap.link.query import Query
 from tagmap.link.router import RouterProcess
@@ -71,18 +71,27 @@ class Service:
 
     def run(self, stopping: threading.Event) -> None:
         while not stopping.is_set():
-            events, arrivals = self.inbox.take(BATCH, 0.0 if self.mapper.is_behind else TURN_S)
-            if self._is_sound():
-                for event in events:
-                    self._handle(event)
-                self._ingest(arrivals)
-                self._follow()
-                self.solving.tick()
-            else:
-                self._turn_away(events)
+            in_a_hurry = self.mapper.is_behind and self.broken_until_s is None
+            events, arrivals = self.inbox.take(BATCH, 0.0 if in_a_hurry else TURN_S)
+            for event in events:
+                if not self._do(self._handle, event):
+                    self._turn_away(event)
+            self._do(self._ingest, arrivals)
+            self._do(self._follow)
+            self._do(self.solving.tick)
             self._keep_router()
             self._report_flood()
         self.solving.turn_away("the service stops")
+
+    def _do(self, act: Callable[..., None], *arguments: Any) -> bool:
+        """Once something broke, nothing more is told of a state that is not in the database."""
+        if not self._is_sound():
+            return False
+        try:
+            act(*arguments)
+        except Exception as error:
+            self._break(error)
+        return True
 
     def survey(self, positions: Iterable[SurveyedPosition]) -> int:
         """Store what is new among `positions`; returns how many that were."""
@@ -111,14 +120,10 @@ class Service:
     def _ingest(self, arrivals: list[Arrival]) -> None:
         if not arrivals:
             return
-        try:
-            outcome = self.mapper.step(arrivals)
-            if outcome.has_facts:
-                self.store.commit(_batch(outcome, time.time_ns()))
-                self._recover()
-        except Exception as error:
-            self._break(error)
-            return
+        outcome = self.mapper.step(arrivals)
+        if outcome.has_facts:
+            self.store.commit(_batch(outcome, time.time_ns()))
+            self._recover()
         for robot, ack in outcome.acks:
             self.link.put(self.keys.ack(robot), encode(ack))
         if outcome.hellos or outcome.keyframes:
@@ -133,12 +138,7 @@ class Service:
             self.link.put(self.keys.pose(robot), encode(pose))
 
     def _adopt(self, result: Solved) -> None:
-        try:
-            adoption = self.solving.finish(result, self.mapper, time.time_ns())
-        except Exception as error:
-            self.solving.fail(Failed(str(error)))
-            self._break(error)
-            return
+        adoption = self.solving.finish(result, self.mapper, time.time_ns())
         if adoption is not None:
             self.link.put(self.keys.map_version(), encode(adoption.version))
             for tag in adoption.changed:
@@ -163,7 +163,8 @@ class Service:
         """The mapper is ahead of the database, or broken: no acknowledgement, start over."""
         if not self.complained:
             known = isinstance(error, StoreError)
-            self.log.error("commit failed", reason=str(error), exc_info=None if known else error)
+            event = "commit failed" if known else "unexpected failure"
+            self.log.error(event, reason=str(error), exc_info=None if known else error)
         self.complained = True
         self.broken_until_s = time.monotonic() + RETRY_S
 
@@ -176,7 +177,7 @@ class Service:
             return False
         try:
             mapper = restore(self.store)
-        except StoreError:
+        except TagmapError:
             self.broken_until_s = time.monotonic() + RETRY_S
             return False
         mapper.alive = self.mapper.alive
@@ -190,14 +191,13 @@ class Service:
             self.log.info("commits again")
             self.complained = False
 
-    def _turn_away(self, events: list[Any]) -> None:
-        for event in events:
-            if isinstance(event, Query):
-                event.reply_error("the service cannot write its database; see its log")
-            elif isinstance(event, Solved):
-                self.solving.fail(Failed("the database could not be written"))
-            else:
-                self._handle(event)
+    def _turn_away(self, event: Any) -> None:
+        if isinstance(event, Query):
+            event.reply_error("the service cannot write its database; see its log")
+        elif isinstance(event, Solved):
+            self.solving.fail(Failed("the database cannot be written"))
+        else:
+            self._handle(event)
 
     def _keep_router(self) -> None:
         now_s = time.monotonic()
@@ -207,11 +207,13 @@ class Service:
         status = self.router.poll()
         if status is None:
             return
-        self.log.error("router ended, starting another", status=status)
+        if self.throttle.allows("router ended"):
+            self.log.error("router ended", status=status)
         try:
             self.router.start()
-        except LinkError as error:
-            self.log.error("no router", reason=str(error))
+        except (LinkError, OSError) as error:
+            if self.throttle.allows("no router"):
+                self.log.error("no router", reason=str(error))
 
     def _report_flood(self) -> None:
         for name, count in self.throttle.turn(time.monotonic()).items():

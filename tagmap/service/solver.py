@@ -28,7 +28,6 @@ class Solved:
     """`solution` is None when there is nothing to solve yet."""
 
     extent: Extent
-    keyframes: int
     solution: "Solution | None"
 
 

@@ -30,9 +30,13 @@ class Solving:
 
     def tick(self) -> None:
         now_s = time.monotonic()
-        if self.cadence.is_due(now_s):
-            self.cadence.start(now_s)
+        if not self.cadence.is_due(now_s):
+            return
+        self.cadence.start(now_s)
+        try:
             self._solver.order()
+        except OSError as error:
+            self.fail(Failed(f"the solver process cannot be started: {error}"))
 
     def wait(self, query: Query) -> None:
         """Answer when everything that is committed now is in the map."""
@@ -59,16 +63,20 @@ class Solving:
     def finish(self, result: Solved, mapper: Mapper, now_ns: int) -> Adoption | None:
         """The next version, committed; None when it would be the one there is.
 
-        Raises StoreError when it cannot be committed; the mapper is then ahead of the database.
+        Raises when it cannot be committed; the mapper is then ahead of the database.
         """
         if self.cadence.running is None:
             return None
-        if result.solution is None or result.extent == self.solved:
+        if result.solution is None or result.extent.substance == self.solved.substance:
             self.cadence.finish(time.monotonic())
             return None
-        adoption = mapper.adopt(result.solution, self._cause(result), now_ns)
-        summary = _summarise(result, adoption)
-        self._store.commit_version(adoption.version, adoption.tags, _poses(result), summary)
+        try:
+            adoption = mapper.adopt(result.solution, self._cause(result), now_ns)
+            summary = _summarise(result, adoption)
+            self._store.commit_version(adoption.version, adoption.tags, _poses(result), summary)
+        except Exception as error:
+            self.fail(Failed(str(error)))
+            raise
         self.solved, self.summary = result.extent, summary
         self.cadence.finish(time.monotonic())
         return adoption
@@ -100,19 +108,18 @@ class Solving:
         self._desk.confirm(query, msgspec.to_builtins(version) | {"summary": self.summary})
 
     def _cause(self, result: Solved) -> str:
-        if self.solved == Extent():
+        if self.summary is None:
             return "first map"
         if result.extent.surveys != self.solved.surveys:
             return "survey"
-        before = (self.summary or {}).get("keyframes", 0)
-        return f"{result.keyframes - before} more keyframes"
+        return f"{result.extent.keyframes - self.solved.keyframes} more keyframes"
 
 
 def _summarise(result: Solved, adoption: Adoption) -> dict[str, Any]:
     solution = result.solution
     assert solution is not None
     return {
-        "keyframes": result.keyframes,
+        "keyframes": result.extent.keyframes,
         "converged": solution.converged,
         "iterations": solution.iterations,
         "cost": float(solution.cost),

@@ -58,7 +58,7 @@ def _result(facts: Facts, store: SiteStore, module: str, function: str) -> Solve
         sessions = facts.sessions()
         solve: Any = getattr(import_module(module), function)
         solution = solve(sessions, facts.surveyed(), clock=time.perf_counter) if sessions else None
-        return Solved(facts.extent, sum(len(s.keyframes) for s in sessions), solution)
+        return Solved(facts.extent(sessions), solution)
     except Exception as error:
         # Whatever is wrong with these data, more data may mend it.
         return Failed(f"{type(error).__name__}: {error}")

@@ -155,6 +155,8 @@ def test_a_version_is_made_only_when_something_changed(mapped):
     first = mapped.admin("map", "solve")
     second = mapped.admin("map", "solve")
     assert first["version"] == second["version"]
+    mapped.deliver(hello(session="session-0002"))
+    assert mapped.admin("map", "solve")["version"] == first["version"]
     mapped.deliver(drive(N + 1))
     assert mapped.admin("map", "solve")["version"] == first["version"] + 1
     causes = [version["cause"] for version in mapped.admin("map", "versions")["versions"]]

@@ -40,11 +40,11 @@ def test_solves_what_is_committed_and_each_time_a_little_more(store, solving):
     process.order()
     first = result()
     assert isinstance(first, Solved)
-    assert (first.keyframes, first.extent.through_id) == (2, 2)
+    assert (first.extent.keyframes, first.extent.through_id) == (2, 2)
     store.commit(Batch(keyframes=[keyframe(3)], surveys=[Survey("6", (1.0, 2.0, 0.0), 0.1, 5)]))
     process.order()
     second = result()
-    assert second.keyframes == 3
+    assert second.extent.keyframes == 3
     assert second.extent.surveys == (("6", 5),)
     assert second.solution.sessions[0].seqs.tolist() == [1, 2, 3]
 
