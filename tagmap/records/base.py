@@ -27,8 +27,12 @@ NotNegative: TypeAlias = Annotated[float, Meta(ge=0.0, le=LARGEST)]
 Vector: TypeAlias = tuple[Finite, ...]
 
 
-class Record(msgspec.Struct, frozen=True, kw_only=True):
-    """A fact in named fields. Unknown fields are ignored, so old readers understand new writers."""
+class Record(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """A fact in named fields. Unknown fields are ignored, so old readers understand new writers.
+
+    Facts refer to no facts, so the collector need not look at them: at a service that remembers
+    thousands of keyframes it would stop the loop for 0.1 s.
+    """
 
 
 class Message(Record, frozen=True, kw_only=True):
