@@ -1,6 +1,5 @@
 """Robots as the service sees them: Zenoh sessions that put keyframes and time what comes back."""
 
-import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +20,6 @@ AGAIN_S = 2.0
 PATIENCE_S = 120.0
 WINDOW = 256
 TURN_S = 0.002
-ECHO_BYTES = 1500
 
 
 @dataclass(slots=True)
@@ -150,19 +148,3 @@ def burst(robots: Sequence[Robot], count: int) -> float:
         time.sleep(TURN_S)
     settle(robots)
     return count * len(robots) / (time.perf_counter() - began_s)
-
-
-def echo_s(endpoint: str, key: str, count: int) -> Array:
-    """How long a message takes to another session and back (count,): what Zenoh alone costs."""
-    heard = threading.Event()
-    with Link.open([endpoint]) as near, Link.open([endpoint]) as far:
-        far.subscribe(f"{key}/there", lambda _, payload: far.put(f"{key}/back", payload))
-        near.subscribe(f"{key}/back", lambda *_: heard.set())
-        taken_s: list[float] = []
-        while len(taken_s) < count:
-            heard.clear()
-            began_s = time.perf_counter()
-            near.put(f"{key}/there", bytes(ECHO_BYTES))
-            if heard.wait(AGAIN_S):
-                taken_s.append(time.perf_counter() - began_s)
-        return np.array(taken_s)

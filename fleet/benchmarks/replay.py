@@ -14,6 +14,7 @@ from tagmap.errors import DataError
 
 WALL_REACH_S = 120.0
 GIVE_UP_S = 900.0
+# The same keyframes give the same map but for rounding; 10 % is a different estimator.
 SAME = 0.1
 
 
@@ -83,7 +84,7 @@ def measure(plan: Plan) -> dict[str, list[float] | str]:
     """Once each: the same keyframes give the same map."""
     found: dict[str, list[float] | str] = {}
     for data_set in DATA_SETS:
-        reason = _missing(data_set, plan)
+        reason = why_not(data_set, plan)
         if reason is None:
             assert plan.data is not None
             plan.tell(f"replay: {data_set.key}")
@@ -93,7 +94,7 @@ def measure(plan: Plan) -> dict[str, list[float] | str]:
     return found
 
 
-def _missing(data_set: DataSet, plan: Plan) -> str | None:
+def why_not(data_set: DataSet, plan: Plan) -> str | None:
     """Why it cannot be played."""
     if plan.sample:
         return "a sample does without recorded data"

@@ -48,7 +48,9 @@ def show(contract: Mapping[str, Any]) -> None:
 
 
 def _cell(value: Any) -> Any:
-    """Rates and millimetres in one column: four digits of each."""
+    """Rates and millimetres in one column: four digits of each, all that are before the point."""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.4g}" if isinstance(value, float) else value
+    if isinstance(value, float):
+        return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
+    return value

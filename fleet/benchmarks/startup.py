@@ -53,7 +53,7 @@ METRICS = (
     Metric("import_click_s", "s", "lower", "python -c 'import click', the reference"),
     *(Metric(f"{p}_help_s", "s", "lower", f"{p} --help", reach=HELP_REACH_S) for p in PROGRAMS),
     *(
-        Metric(f"{p}_help_ratio", "x", "lower", f"{p} --help by the reference", tolerance=0.25)
+        Metric(f"{p}_help_ratio", "x", "lower", f"{p} --help by the reference", tolerance=0.35)
         for p in PROGRAMS
     ),
 )

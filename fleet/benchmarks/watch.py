@@ -18,6 +18,8 @@ EVERY_S = 0.1
 ANSWER_S = 5.0
 # Two answers further apart do not prove that nothing happened between them.
 CERTAIN_S = 1.0
+# The live poses follow a new map in portions: for so long a solve is not over.
+AFTERMATH_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,21 +54,22 @@ class Watch:
         return bool(solving) and self.looks[-1].asked_s - solving[-1] > for_s
 
     def judge(self, from_s: Array, to_s: Array) -> tuple[Mask, Index]:
-        """Whether the solver certainly rested from `from_s` (N,) to `to_s` (N,), and how many
-        solves had begun by then. What touches the begin or the end of a solve is not idle.
+        """Whether the service certainly rested from `from_s` (N,) to `to_s` (N,), and how many
+        solves had begun by then. What touches a solve or its aftermath is not at rest.
         """
         n = len(self.looks)
         asked = np.array([look.asked_s for look in self.looks])
         answered = np.array([look.answered_s for look in self.looks])
         solving = np.array([look.solving for look in self.looks], dtype=np.int64)
-        before = np.searchsorted(answered, from_s, side="right") - 1
+        at = np.searchsorted(answered, from_s, side="right") - 1
+        before = np.searchsorted(answered, from_s - AFTERMATH_S, side="right") - 1
         after = np.searchsorted(asked, to_s, side="left")
         known = (before >= 0) & (after < n)
-        before, after = np.maximum(before, 0), np.minimum(after, n - 1)
+        at, before, after = np.maximum(at, 0), np.maximum(before, 0), np.minimum(after, n - 1)
         so_far = np.concatenate([[0], np.cumsum(solving)])
         rested = so_far[after + 1] == so_far[before]
         begun: Index = np.cumsum(np.diff(solving, prepend=0) > 0)
-        return known & rested & (asked[after] - answered[before] < CERTAIN_S), begun[after]
+        return known & rested & (asked[after] - answered[at] < CERTAIN_S), begun[after]
 
 
 @contextmanager

@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 
 from fleet.benchmarks import NAMES, baseline
-from fleet.benchmarks.suite import Plan, load
+from fleet.benchmarks.replay import DataSet, figures, replay
+from fleet.benchmarks.suite import Plan, Suite, load
+from tagmap.errors import DataError
 
-SMALL = ("startup", "store")
+SMALL = ("startup", "store", "service")
 
 
 def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -43,6 +45,27 @@ def test_a_sample_yields_every_metric(name: str):
     suite = load(name)
     measured = suite.run(Plan(sample=True))
     assert set(measured.figures) == {metric.key for metric in suite.metrics}
+
+
+def test_a_replay_yields_every_metric(mrclam_folder: Path):
+    tiny = DataSet("tiny", ("mrclam", mrclam_folder.name), (mrclam_folder.name,))
+    found = figures(tiny, replay(tiny, mrclam_folder.parent))
+    suite = Suite("tiny", "", tiny.metrics, lambda _: found)
+    measured = suite.run(Plan())
+    assert set(measured.figures) == {metric.key for metric in tiny.metrics}
+    assert measured.figures["tiny_lost"].value == 0.0
+
+
+def test_a_replay_that_fails_says_why(tmp_path: Path):
+    with pytest.raises(DataError, match=r"tiny: replay failed: .*no such file or folder"):
+        replay(DataSet("tiny", ("mrclam", "nowhere"), ("nowhere",)), tmp_path)
+
+
+@pytest.mark.parametrize("plan", [Plan(sample=True), Plan(), Plan(data=Path("nowhere"))])
+def test_without_recorded_data_replays_are_skipped(plan: Plan):
+    measured = load("replay").run(plan)
+    assert not measured.figures
+    assert all(measured.skipped.values())
 
 
 def test_json_is_one_object_on_stdout():
