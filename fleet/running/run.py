@@ -40,9 +40,10 @@ def run_recording(
     `folder` takes journals, outboxes and logs; `db` is new. Raises TagmapError.
     """
     began_s = time.monotonic()
+    folder = folder.absolute()  # the programs run in it
     journals = write_journals(recording, folder)
     agents = [Agent(r.robot, r.number, journals[r.robot], pace) for r in recording.robots]
-    plan = SitePlan(SITE, folder, db.absolute(), agents, survey)
+    plan = SitePlan(SITE, folder, db.absolute(), agents, survey and survey.absolute())
     total = sum(len(robot.observations) for robot in recording.robots)
     supervisor = Supervisor(plan, tell)
     try:

@@ -8,7 +8,7 @@ from tagmap.estimation.merge import least_shared
 from tagmap.estimation.residuals import squared_residuals
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked
-from tagmap.estimation.start import LEAST_SURVEYED
+from tagmap.estimation.start import LEAST_SURVEYED, survey_map
 
 
 def report(settled: Settled) -> Iterator[str]:
@@ -32,8 +32,14 @@ def _gauge(settled: Settled) -> Iterator[str]:
         yield f"map is floating: the {surveyed} surveyed tags contradict the robots or each other"
     elif surveyed < LEAST_SURVEYED:
         yield f"map is floating: {surveyed} surveyed tags, {LEAST_SURVEYED} needed"
-    else:
+    elif survey_map(settled.stacked.problem) is None:
         yield f"map is floating: the {surveyed} surveyed tags are in line and fix no frame"
+    else:
+        needed = least_shared(settled.stacked.problem.kind)
+        yield (
+            f"map is floating: robots that share tags see too few of the {surveyed} surveyed ones "
+            f"between them; {needed}, not in line, are needed"
+        )
 
 
 def _sessions(settled: Settled) -> Iterator[str]:

@@ -79,12 +79,13 @@ def _chain(points: Points, poses: Index, T: Array, n_tags: int) -> Chain:
 
 def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> Start:
     survey = survey_map(problem)
-    T, placed = _poses(problem, component(problem.kind, chains, survey))
+    members, anchored = component(problem.kind, chains, survey)
+    T, placed = _poses(problem, members)
     fit = fit_tags(points.take(np.flatnonzero(placed[points.pose])), T, problem.n_tags)
     p, mapped = np.nan_to_num(fit.p), fit.determined
-    if survey is not None:
+    if survey is not None and anchored:
         p[survey.tags], mapped[survey.tags] = survey.p, True
-    return Start(T, p, placed, mapped, survey is not None)
+    return Start(T, p, placed, mapped, anchored)
 
 
 def _poses(problem: Problem, members: list[Placed]) -> tuple[Array, Mask]:
