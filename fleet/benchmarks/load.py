@@ -41,6 +41,7 @@ class Robot:
     settled: int = -1
     posed: int = 0
     resent: int = 0
+    refused: list[str] = field(default_factory=list)
     _payloads: list[bytes] = field(init=False)
     _t_ns: list[int] = field(init=False)
     _again_s: float = 0.0
@@ -77,8 +78,7 @@ class Robot:
     def _on_ack(self, _key: str, payload: bytes) -> None:
         now_s = time.perf_counter()
         ack = decode(Ack, payload)
-        if ack.refused:
-            raise LinkError(f"{self.member.hello.robot}: refused: {ack.refused[0].reason}")
+        self.refused.extend(refusal.reason for refusal in ack.refused)
         if ack.contiguous > self.settled:
             self.ack_s[self.settled + 1 : ack.contiguous + 1] = self._again_s = now_s
             self.settled = ack.contiguous
@@ -112,7 +112,7 @@ def connected(endpoint: str, members: Sequence[Member]) -> Iterator[list[Robot]]
 
 
 def settle(robots: Sequence[Robot]) -> None:
-    """Wait until everything sent is settled. LinkError when that does not happen."""
+    """Wait until everything sent is settled. LinkError when something is not, or was refused."""
     give_up_s = time.perf_counter() + PATIENCE_S
     while any(robot.in_flight for robot in robots):
         if time.perf_counter() > give_up_s:
@@ -120,6 +120,9 @@ def settle(robots: Sequence[Robot]) -> None:
         for robot in robots:
             robot.send_again()
         time.sleep(TURN_S)
+    for robot in robots:
+        if robot.refused:
+            raise LinkError(f"{robot.member.hello.robot}: refused: {robot.refused[0]}")
 
 
 def steady(robots: Sequence[Robot], count: int, rate_hz: float, enough: Callable[[], bool]) -> None:
