@@ -30,6 +30,8 @@ def align(p_a: Array, p_b: Array, weights: Array | None = None, sigma_m: float =
     w = np.ones(n) if weights is None else weights
     if (used := int(np.count_nonzero(w > 0.0))) < d:
         return _undetermined(d, f"{used} points, at least {d} needed")
+    if not (np.isfinite(p_a).all() and np.isfinite(p_b).all()):
+        return _undetermined(d, "a point is not finite")
     T_b_a, singular, centred_a, centred_b = _kabsch(p_a, p_b, w / w.sum())
     if missing := _what_is_missing(singular, sigma_m):
         return _undetermined(d, missing)

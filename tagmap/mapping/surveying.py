@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from tagmap.conventions import TAG_ID
 from tagmap.errors import RecordRefused
+from tagmap.records.base import LARGEST, LEAST_VARIANCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +30,15 @@ def surveyed(tag: object, p_m: Sequence[object], sigma_m: object) -> SurveyedPos
         raise RecordRefused(f"a position of {len(p_m)} numbers, expected x, y, z in m")
     x, y, z = (_finite(name, value) for name, value in zip("xyz", p_m, strict=True))
     sigma = _finite("sigma", sigma_m)
-    if not sigma > 0.0:
-        raise RecordRefused(f"sigma is {sigma:g} m, expected more than 0")
+    least = math.sqrt(LEAST_VARIANCE)
+    if not sigma >= least:
+        raise RecordRefused(f"sigma is {sigma:g} m, expected at least {least:g}")
     return SurveyedPosition(tag, (x, y, z), sigma)
 
 
 def _finite(name: str, value: object) -> float:
     number = float(value) if isinstance(value, int | float) else math.nan
-    if not math.isfinite(number):
-        raise RecordRefused(f"{name} is {str(value)[:40]!r}, expected a finite number of m")
+    if not abs(number) <= LARGEST:
+        shown = str(value)[:40]
+        raise RecordRefused(f"{name} is {shown!r}, expected a finite number of m up to {LARGEST:g}")
     return number

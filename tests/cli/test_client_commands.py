@@ -118,6 +118,7 @@ def test_what_is_refused_is_one_line_and_exit_1(run):
         (["tags", "list", "--version", "77"], "77"),
         (["tags", "survey", "1", "0", "0", "0", "--sigma-m", "-1"], "sigma"),
         (["tags", "survey", "1", "-1", "nan", "0", "--sigma-m", "1"], "y is"),
+        (["tags", "survey", "1", "1e300", "0", "0", "--sigma-m", "1"], "x is"),
         (["robots", "show", "r9"], "r9"),
         (["map", "export", "--format", "tum", "--out", "x", "--robot", "r9"], "r9"),
         (["map", "export", "--format", "csv", "--out", "no/such/folder.csv"], "folder.csv"),

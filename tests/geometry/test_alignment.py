@@ -71,6 +71,15 @@ def test_an_almost_straight_line_is_a_line_once_noise_is_considered() -> None:
     _flagged(align(bent, bent, sigma_m=0.01), "one line")
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_point_that_is_not_finite_is_flagged(bad: float) -> None:
+    """LAPACK may search for its singular values for ever."""
+    points = ROOM.copy()
+    points[1, 2] = bad
+    _flagged(align(points, ROOM), "not finite")
+    _flagged(align(ROOM, points), "not finite")
+
+
 def test_planar_mirror_is_ambiguous() -> None:
     cross = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     _flagged(align(cross, cross * [1.0, -1.0]), "mirror")
