@@ -1,19 +1,30 @@
 """Where shells log to: stderr, for people on a terminal, one JSON object a line otherwise."""
 
 import sys
-from typing import TextIO
+from contextlib import suppress
+from typing import Any, TextIO, cast
 
 import structlog
 
 
-def log_to(stream: TextIO | None = None) -> None:
-    """Call once, at the start of a process; standard error by default."""
-    stream = sys.stderr if stream is None else stream
-    renderer: structlog.typing.Processor
-    if stream.isatty():
-        renderer = structlog.dev.ConsoleRenderer()
-    else:
-        renderer = structlog.processors.JSONRenderer()
+class Stderr:
+    """A log that cannot be written (disk full, reader gone) is no reason to stop working."""
+
+    def write(self, text: str) -> None:
+        with suppress(OSError, ValueError):
+            sys.stderr.write(text)
+
+    def flush(self) -> None:
+        with suppress(OSError, ValueError):
+            sys.stderr.flush()
+
+
+def configure() -> None:
+    """Call once, at the start of a process."""
+    on_terminal = sys.stderr.isatty()
+    renderer: Any = (
+        structlog.dev.ConsoleRenderer() if on_terminal else structlog.processors.JSONRenderer()
+    )
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
@@ -21,6 +32,5 @@ def log_to(stream: TextIO | None = None) -> None:
             structlog.processors.format_exc_info,
             renderer,
         ],
-        logger_factory=structlog.PrintLoggerFactory(stream),
-        cache_logger_on_first_use=True,
+        logger_factory=structlog.PrintLoggerFactory(cast(TextIO, Stderr())),
     )

@@ -72,7 +72,7 @@ def run(
     """
     from robot_agent.process import Setup, run_process
     from robot_agent.uplink import Route
-    from tagmap.logs import log_to
+    from tagmap import logs
 
     if realtime and speed is not None:
         raise click.UsageError("--realtime and --speed exclude each other")
@@ -87,7 +87,7 @@ def run(
         outbox=outbox or Path(f"{robot}.outbox.db"),
         speed=1.0 if realtime else speed,
     )
-    log_to(sys.stderr)
+    logs.configure()
     try:
         run_process(
             setup, lambda summary: click.echo(summary.json() if as_json else summary.text())

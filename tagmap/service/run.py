@@ -9,6 +9,7 @@ from pathlib import Path
 
 import structlog
 
+from tagmap import logs
 from tagmap.errors import LinkError
 from tagmap.link.keys import Keys
 from tagmap.link.query import Query
@@ -16,7 +17,6 @@ from tagmap.link.router import RouterProcess
 from tagmap.link.session import Link
 from tagmap.mapping.draft import Arrival
 from tagmap.mapping.surveying import SurveyedPosition
-from tagmap.service import logs
 from tagmap.service.archive import Archive
 from tagmap.service.inbox import Inbox
 from tagmap.service.shell import Presence, Service

@@ -25,10 +25,10 @@ from tagmap.service.admin import Args
 from tagmap.service.archive import Archive
 from tagmap.service.desk import Desk
 from tagmap.service.inbox import Inbox
-from tagmap.service.logs import Throttle
 from tagmap.service.restore import restore
 from tagmap.service.solver import Failed, Solved, SolverProcess
 from tagmap.service.solving import Solving
+from tagmap.service.throttle import Throttle
 from tagmap.store import Batch, RefusalRow, SiteStore, Survey
 
 BATCH = 512
