@@ -16,7 +16,13 @@ def map_() -> None:
 
 
 @map_.command()
-@click.option("--timeout-s", type=float, default=600.0, show_default=True, help="How long to wait.")
+@click.option(
+    "--timeout-s",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=600.0,
+    show_default=True,
+    help="How long to wait.",
+)
 @client
 def solve(target: Target, timeout_s: float) -> None:
     """Solve over everything stored so far, wait for it, and show the summary."""

@@ -21,6 +21,21 @@ class Target:
     as_json: bool
 
 
+def _check_name(_context: click.Context, _option: click.Parameter, name: str) -> str:
+    import re
+
+    from tagmap.conventions import NAME
+
+    if not re.fullmatch(NAME, name):
+        raise click.BadParameter(f"{name!r} does not match {NAME}")
+    return name
+
+
+site_option = click.option(
+    "--site", default="site", show_default=True, callback=_check_name, help="Name of the site."
+)
+
+
 def client(function: Callable[..., None]) -> Callable[..., None]:
     """Give a command --connect, --zenoh-config, --site and --json as one `target`."""
 
@@ -36,7 +51,7 @@ def client(function: Callable[..., None]) -> Callable[..., None]:
         metavar="FILE",
         help="Zenoh configuration, for TLS and access control.",
     )
-    @click.option("--site", default="site", show_default=True, help="Name of the site.")
+    @site_option
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
     @wraps(function)
     def command(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from tagmap.cli.options import ENDPOINT
+from tagmap.cli.options import ENDPOINT, site_option
 
 
 @click.command()
@@ -16,7 +16,7 @@ from tagmap.cli.options import ENDPOINT
     metavar="FILE",
     help="Zenoh client configuration, for TLS and access control.",
 )
-@click.option("--site", default="site", show_default=True, help="Name of the site.")
+@site_option
 @click.option(
     "--db",
     type=click.Path(path_type=Path),
@@ -44,13 +44,8 @@ def serve(
     """
     if listen and (connect or zenoh_config):
         raise click.UsageError("--listen starts a router; --connect and --zenoh-config use others")
-    import re
-
-    from tagmap.conventions import NAME
     from tagmap.exchange.survey_csv import read_surveys
 
-    if not re.fullmatch(NAME, site):
-        raise click.UsageError(f"--site {site!r} is not a name: expected {NAME}")
     surveys = read_surveys(survey) if survey else []
     from tagmap.service.run import Settings, run
 

@@ -59,6 +59,8 @@ def tagmap(*arguments, cwd=None):
         ["map", "export", "--format", "gif", "--out", "x"],
         ["serve", "--listen", "tcp/127.0.0.1:1", "--connect", "tcp/127.0.0.1:2"],
         ["serve", "--site", "No Name"],
+        ["status", "--site", "No Name"],
+        ["map", "solve", "--timeout-s", "-1"],
     ],
 )
 def test_wrong_usage_exits_2(arguments):
