@@ -142,7 +142,8 @@ def _use_of(site: Site, folder: str) -> str:
     common = f"--site {site.site} --zenoh-config zenoh.json5"
     for robot in site.robots:
         if folder == f"robots/{robot.name}":
-            return f"robot-agent run --robot {robot.name} --number {robot.number} {common}"
+            who = f"--robot {robot.name} --number {robot.number}"
+            return f"robot-agent run --source FILE {who} {common}"
     return f"tagmap {'serve' if folder == 'service' else 'status'} {common}"
 
 
