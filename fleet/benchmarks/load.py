@@ -144,6 +144,8 @@ def burst(robots: Sequence[Robot], count: int) -> float:
     began_s = time.perf_counter()
     last = [robot.sent + count for robot in robots]
     while any(robot.sent < end for robot, end in zip(robots, last, strict=True)):
+        if time.perf_counter() - began_s > PATIENCE_S:
+            raise LinkError(f"a burst is not settled after {PATIENCE_S:g} s")
         for robot, end in zip(robots, last, strict=True):
             while robot.sent < end and robot.in_flight < WINDOW:
                 robot.send_next()
