@@ -32,7 +32,7 @@ def align(p_a: Array, p_b: Array, weights: Array | None = None, sigma_m: float =
     if (used := int(np.count_nonzero(w > 0.0))) < d:
         return _undetermined(d, f"{used} points, at least {d} needed")
     # LAPACK may search for ever for the singular values of what is not finite.
-    if not max(np.abs(p_a).max(), np.abs(p_b).max()) < _FARTHEST_M:
+    if not np.abs([p_a, p_b]).max() < _FARTHEST_M:
         return _undetermined(d, "a point is not finite")
     T_b_a, singular, centred_a, centred_b = _kabsch(p_a, p_b, w / w.sum())
     if missing := _what_is_missing(singular, sigma_m):
