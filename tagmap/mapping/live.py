@@ -25,7 +25,7 @@ from tagmap.records.base import Vector
 
 MAX_TAIL = 4096
 MAX_WAITING = 2 * MAX_TAIL
-MAX_CORRECTED = 256
+MAX_CORRECTED = 12
 COST_OF_MOVING = 0.2
 _NUMERIC = (ArithmeticError, ValueError, np.linalg.LinAlgError, TagmapError)
 

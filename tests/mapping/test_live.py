@@ -107,11 +107,11 @@ def test_a_solution_may_be_ahead_of_the_live_pose():
 
 def test_following_is_done_in_portions():
     mapper = mapped()
-    frames = [drive(seq) for seq in range(1, 400)]
+    frames = [drive(seq) for seq in range(1, 1000)]
     mapper.step([Arrival("r1", encode(m)) for m in (hello(), *frames)])
     assert mapper.follow() == {}
     assert mapper.is_behind
-    assert_at(feed(mapper), T_map_base(399), 399)
+    assert_at(feed(mapper), T_map_base(999), 999)
 
 
 def test_a_failing_track_is_lost_and_lives_on(monkeypatch):
