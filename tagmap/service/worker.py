@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tagmap.service.facts import Facts
+from tagmap.service.quarantine import Quarantine
 from tagmap.service.solver import Failed, Solved
 from tagmap.store import SiteStore
 
@@ -31,11 +32,11 @@ def main(db: str, site: str, solve: str) -> None:
     orders: queue.SimpleQueue[None] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(orders,), daemon=True).start()
     module, function = solve.split(":")
-    facts = Facts()
+    facts, quarantine = Facts(), Quarantine()
     store = SiteStore.open(Path(db), site, read_only=True)
     while True:
         orders.get()
-        pickle.dump(_result(facts, store, module, function), results)
+        pickle.dump(_result(facts, quarantine, store, module, function), results)
         results.flush()
 
 
@@ -52,12 +53,18 @@ def _listen(orders: "queue.SimpleQueue[None]") -> None:
     os._exit(0)
 
 
-def _result(facts: Facts, store: SiteStore, module: str, function: str) -> Solved | Failed:
+def _result(
+    facts: Facts, quarantine: Quarantine, store: SiteStore, module: str, function: str
+) -> Solved | Failed:
     try:
         facts.refresh(store)
-        sessions = facts.sessions()
+        sessions, surveys = facts.sessions(), facts.surveyed()
         solve: Any = getattr(import_module(module), function)
-        solution = solve(sessions, facts.surveyed(), clock=time.perf_counter) if sessions else None
+        solution = (
+            quarantine.solve(lambda some: solve(some, surveys, clock=time.perf_counter), sessions)
+            if sessions
+            else None
+        )
         return Solved(facts.extent(sessions), solution)
     except Exception as error:
         # Whatever is wrong with these data, more data may mend it.
