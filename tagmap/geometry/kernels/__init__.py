@@ -1,0 +1,1 @@
+"""Compiled geometry. Importing these modules imports numba: do it where they are used."""
