@@ -1,5 +1,6 @@
 """What the agent's log says: one event per change or decision, not one per turn."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -17,6 +18,8 @@ class Diary:
         self._silent = False
         self._malformed = 0
         self._torn: set[str] = set()
+        self._refused: Counter[tuple[str, str]] = Counter()
+        self._told: Counter[tuple[str, str]] = Counter()
 
     def begins(self, session: str, position: int, leftovers: int) -> None:
         self._log.info("agent started", session=session, position=position, leftovers=leftovers)
@@ -50,15 +53,20 @@ class Diary:
         self._silent = silent
 
     def refusals(self, acks: Iterable[Ack]) -> None:
-        """One event per reason, however many keyframes it concerns."""
+        """One event per reason, and again each time their number has doubled: a refused session
+        may be long."""
         for ack in acks:
-            seqs: dict[str, list[int]] = {}
+            first: dict[str, int] = {}
             for refusal in ack.refused:
-                seqs.setdefault(refusal.reason, []).append(refusal.seq)
-            for reason, of in seqs.items():
-                self._log.warning(
-                    "refused", session=ack.session, count=len(of), first=min(of), reason=reason
-                )
+                self._refused[ack.session, refusal.reason] += 1
+                first[refusal.reason] = min(refusal.seq, first.get(refusal.reason, refusal.seq))
+            for reason, seq in first.items():
+                count = self._refused[ack.session, reason]
+                if count >= 2 * self._told[ack.session, reason]:
+                    self._told[ack.session, reason] = count
+                    self._log.warning(
+                        "refused", session=ack.session, count=count, seq=seq, reason=reason
+                    )
 
     def shorn(self, seqs: Sequence[int]) -> None:
         if seqs:

@@ -93,7 +93,7 @@ def run(
             setup, lambda summary: click.echo(summary.json() if as_json else summary.text())
         )
     except TagmapError as error:
-        click.echo(f"robot-agent: {error}", err=True)
+        click.echo(f"robot-agent: {' '.join(str(error).split())}", err=True)
         sys.exit(1)
 
 
