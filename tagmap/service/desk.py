@@ -74,6 +74,8 @@ class Desk:
             self._acks(query)
         elif below.endswith("pose"):
             self._poses(query)
+        elif below == "map/version":
+            self._version(query)
         elif below.startswith("map/"):
             self._tags(query)
         else:
@@ -126,6 +128,11 @@ class Desk:
             return answers
 
         return lookup
+
+    def _version(self, query: Query) -> None:
+        expect(query.parameters, ())
+        version = self.mapper.book.version
+        self._reply(query, [(query.key, encode(version))] if version else [], "no map yet")
 
     def _tags(self, query: Query) -> None:
         selection = parse(query.parameters)

@@ -108,7 +108,7 @@ def _listen(link: Link, keys: Keys, inbox: Inbox) -> None:
         inbox.put(query)
 
     link.watch_alive(keys.alive(), on_presence)
-    for key_expr in (keys.ack(), keys.pose(), f"{keys.map_tags()}/**", keys.localize()):
+    maps = (keys.map_version(), f"{keys.map_tags()}/**")
+    for key_expr in (keys.ack(), keys.pose(), *maps, keys.localize(), keys.admin()):
         link.serve(key_expr, on_query)
-    link.serve(keys.admin(), on_query)
     link.subscribe(keys.keyframes(), on_keyframe, capacity=RING)

@@ -1,4 +1,4 @@
-"""The real service over the real link: everything DESIGN's wire contract promises."""
+"""The real service over the real link: what the wire contract promises."""
 
 import json
 import os
@@ -71,6 +71,12 @@ def test_tags_can_be_asked_for(mapped):
     assert [tag["tag"] for tag in msgspec.msgpack.decode(reply.payload)] == ["1"]
     (reply,) = mapped.ask(f"{keys.map_tags()}?version={tags[0].version}")
     assert len(msgspec.msgpack.decode(reply.payload)) == 4
+
+
+def test_the_map_version_can_be_asked_for(mapped):
+    (reply,) = mapped.ask(mapped.keys.map_version())
+    version = decode(MapVersion, reply.payload)
+    assert encode(version) in [payload for key, payload in mapped.heard if key == reply.key]
 
 
 def test_poses_can_be_asked_for(mapped):
