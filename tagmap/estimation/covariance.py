@@ -17,7 +17,7 @@ from tagmap.estimation.problem import Problem
 
 
 class Marginals:
-    """Covariances of the border at once, of poses on demand.
+    """Covariances of the border (m, m), tags then scales, at once; of poses on demand.
 
     Raises LinAlgError where the accepted factors do not determine everything.
     """
@@ -31,16 +31,16 @@ class Marginals:
         border = self._factor.solve_border(np.eye(problem.n_border))
         if gauge is not None:
             border -= gauge @ gauge.T / gauge_stiffness(self._factor.schur)
-        self._border = 0.5 * (border + border.T)
+        self.border = 0.5 * (border + border.T)
 
     def tags(self) -> Array:
         """(M, d, d), map axes."""
         size = self._n_tags * self._d
-        return _diagonal_blocks(self._border[:size, :size], self._d)
+        return _diagonal_blocks(self.border[:size, :size], self._d)
 
     def scales(self) -> Array:
         """Variances (S,)."""
-        return np.diag(self._border)[self._n_tags * self._d :]
+        return np.diag(self.border)[self._n_tags * self._d :]
 
     def poses(self, which: Index) -> Array:
         """(n, dof, dof) of the poses with numbers `which`, body frame."""
@@ -56,7 +56,7 @@ class Marginals:
         unit[columns, np.arange(len(columns))] = 1.0
         inverse = self._factor.solve_poses(unit)
         X = equations.coupling.T @ inverse
-        return _diagonal_blocks(inverse[columns] + X.T @ self._border @ X, dof)
+        return _diagonal_blocks(inverse[columns] + X.T @ self.border @ X, dof)
 
 
 def _diagonal_blocks(matrix: Array, size: int) -> Array:

@@ -21,7 +21,7 @@ from tagmap.estimation.restrict import restrict
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
-WINDOW_OPTIONS = Options(max_iterations=25, tolerance=1e-4, mu_step=8.0, max_regroupings=2)
+WINDOW_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
 
 
 @dataclass(frozen=True, slots=True)

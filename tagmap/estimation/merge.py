@@ -11,6 +11,7 @@ from tagmap.estimation.factors import lie
 from tagmap.geometry.alignment import align
 
 MOST_SAMPLES = 300
+MOST_BENT = 0.1
 SEED = 20
 
 
@@ -39,8 +40,9 @@ def least_shared(kind: Kind) -> int:
 def align_maps(kind: Kind, local: LocalMap, target: LocalMap) -> Alignment | None:
     """Robust rigid alignment by least median of squares (Rousseeuw 1984), then on the inliers.
 
-    None where the shared tags do not determine it, or fewer than half of them agree. The trial
-    alignments are those of minimal sets of tags.
+    None where the shared tags do not determine it, or too few agree with it: needed are all, or
+    most and at least one more than fit any alignment. Local maps may be bent, so what agrees is
+    judged by the errors of the better half, but never by more than MOST_BENT of the maps' size.
     """
     shared, i, j = np.intersect1d(local.tags, target.tags, return_indices=True)
     if len(shared) < least_shared(kind):
@@ -51,13 +53,17 @@ def align_maps(kind: Kind, local: LocalMap, target: LocalMap) -> Alignment | Non
     T_b_a = _frames(b[samples]) @ lie(kind).inverse(_frames(a[samples]))
     moved = lie(kind).act(T_b_a[:, None], a)
     error = np.linalg.norm(moved - b, axis=2) / sigma
-    score = np.median(error, axis=1)
+    covered = (len(shared) + least_shared(kind) + 1) // 2
+    score = np.sort(error, axis=1)[:, covered - 1]
     best = int(np.argmin(np.where(np.isnan(score), np.inf, score)))
-    agreeing = error[best] <= max(3.0, 2.5 * 1.4826 * score[best])
-    if 2 * agreeing.sum() < len(shared):
+    size = np.sqrt(np.square(b - b.mean(axis=0)).sum(axis=1).mean())
+    bound = np.minimum(2.5 * 1.4826 * score[best], MOST_BENT * size / sigma)
+    agreeing = error[best] <= np.maximum(3.0, bound)
+    n = int(agreeing.sum())
+    if n < len(shared) and (n <= least_shared(kind) or 2 * n <= len(shared)):
         return None
     fit = align(a[agreeing], b[agreeing], sigma[agreeing] ** -2.0, sigma.min())
-    return Alignment(fit.T_b_a, int(agreeing.sum())) if fit.determined else None
+    return Alignment(fit.T_b_a, n) if fit.determined else None
 
 
 def _samples(n: int, size: int) -> Index:

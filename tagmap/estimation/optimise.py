@@ -13,6 +13,9 @@ from tagmap.estimation.linearise import linearise, updated
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Residuals, Weights, squared_residuals, weighted_cost
 
+# While steps still gain more than this part of the cost, the weights wait: sharpened early, they
+# would cut off what the state has yet to come near.
+SHARPEN_BELOW = 0.1
 DAMPING_FIRST = 1e-6
 DAMPING_LEAST = 1e-12
 DAMPING_MOST = 1e8
@@ -22,7 +25,7 @@ DAMPING_MOST = 1e8
 class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
-    mu_step: factor by which the robust weights sharpen per iteration.
+    mu_step: factor by which the robust weights sharpen at a time.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
@@ -62,7 +65,8 @@ def optimise(problem: Problem, state: State, options: Options) -> Optimum:
         state, residuals, damping, decrease = moved
         sharp = mu >= robust.SHARPEST
         converged = sharp and decrease <= options.tolerance
-        mu = min(mu * options.mu_step, robust.SHARPEST)
+        if decrease <= SHARPEN_BELOW:
+            mu = min(mu * options.mu_step, robust.SHARPEST)
         if regroupings < options.max_regroupings:
             new = robust.weights_at(problem, residuals, mu)
             regrouped = sharp and not _same(new, weights)

@@ -37,8 +37,8 @@ def _gauge(settled: Settled) -> Iterator[str]:
     else:
         needed = least_shared(settled.stacked.problem.kind)
         yield (
-            f"map is floating: robots that share tags see too few of the {surveyed} surveyed ones "
-            f"between them; {needed}, not in line, are needed"
+            f"map is floating: robots that share tags must see {needed} of the {surveyed} surveyed "
+            "ones between them, not in line, and where the survey has them"
         )
 
 

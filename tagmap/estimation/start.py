@@ -84,7 +84,9 @@ def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> 
     fit = fit_tags(points.take(np.flatnonzero(placed[points.pose])), T, problem.n_tags)
     p, mapped = np.nan_to_num(fit.p), fit.determined
     if survey is not None and anchored:
-        p[survey.tags], mapped[survey.tags] = survey.p, True
+        seen = mapped[survey.tags, None]
+        p[survey.tags] = np.where(seen, p[survey.tags], survey.p)
+        mapped[survey.tags] = True
     return Start(T, p, placed, mapped, anchored)
 
 
