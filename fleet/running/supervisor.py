@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.running.child import Child
+from fleet.running.reaper import Reaper
 from tagmap.errors import LinkError, TagmapError
 from tagmap.link.router import RouterProcess
 
@@ -65,15 +66,17 @@ class Supervisor:
         self._router = RouterProcess(listen=self.endpoint)
         self._service = Child("service", self._service_command(), plan.folder)
         self._agents = {a.robot: self._agent(a) for a in plan.agents}
+        self._reaper = Reaper()
         self._failures = 0
         self.restarts = 0
 
     def start(self) -> None:
+        self._reaper.start()
         self._start_router()
-        self._service.start()
+        self._start(self._service)
         self._tell(f"router pid={self._router.pid} service pid={self._service.pid}")
         for name, agent in self._agents.items():
-            agent.start()
+            self._start(agent)
             self._tell(f"agent {name} pid={agent.pid}")
 
     def tend(self) -> None:
@@ -88,7 +91,7 @@ class Supervisor:
             if (status := agent.status) is not None and status != 0:
                 if status > 0:
                     raise TagmapError(f"agent {name} failed: {agent.last_words()}")
-                agent.start()
+                self._start(agent)
                 self._restarted(f"agent {name}", status, agent.pid)
 
     @property
@@ -108,6 +111,7 @@ class Supervisor:
             agent.stop()
         self._service.stop()
         self._router.stop()
+        self._reaper.stop()
 
     def _service_command(self) -> list[str]:
         plan = self._plan
@@ -128,6 +132,13 @@ class Supervisor:
         command = [sys.executable, "-m", "robot_agent.cli", "run", *flat, *agent.pace, "--json"]
         return Child(f"agent-{agent.robot}", command, self._plan.folder)
 
+    def _start(self, child: Child) -> None:
+        if child.pid is not None:
+            self._reaper.forget(child.pid)
+        child.start()
+        assert child.pid is not None
+        self._reaper.watch(child.pid)
+
     def _start_router(self) -> None:
         """The port of a router that was killed can stay busy for a moment."""
         for _ in range(ROUTER_TRIES - 1):
@@ -142,7 +153,7 @@ class Supervisor:
         self._failures = self._failures + 1 if failed_early else 0
         if self._failures >= HOPELESS_TIMES:
             raise TagmapError(f"service failed: {self._service.last_words()}")
-        self._service.start()
+        self._start(self._service)
         self._restarted("service", status, self._service.pid)
 
     def _restarted(self, what: str, status: int, pid: int | None) -> None:
