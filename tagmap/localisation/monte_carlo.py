@@ -15,11 +15,11 @@ _EXACT_PX = 1e-5
 
 def monte_carlo(
     rng: np.random.Generator,
+    count: int,
     rig: StereoRig,
     p_map: Array,
     T_map_cam: Array,
     seen: Mask,
-    count: int,
     sigma_px: float,
     sigma_tag_m: float,
 ) -> tuple[Dop, int]:

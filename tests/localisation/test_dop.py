@@ -26,7 +26,7 @@ def at(radius_m, tilt_deg, pan=0.3):
 def compare(seed, seen, tilt, count, tolerance):
     T = at(1.5, tilt)
     exact = dop(RIG, UNIT, T, seen)
-    tried, lost = monte_carlo(np.random.default_rng(seed), RIG, UNIT, T, seen, count, 0.02, 2e-5)
+    tried, lost = monte_carlo(np.random.default_rng(seed), count, RIG, UNIT, T, seen, 0.02, 2e-5)
     assert lost == 0
     for name in NAMES:
         assert getattr(tried, name) == pytest.approx(getattr(exact, name), rel=tolerance), name
