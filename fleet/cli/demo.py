@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for database, picture and logs.  [default: demo-DATE-TIME]",
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="Of world, routes and noise.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Of world, routes and noise.",
+)
 @click.option(
     "--duration-s",
     type=click.FloatRange(min=10.0),

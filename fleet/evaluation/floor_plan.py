@@ -64,7 +64,8 @@ def _draw_tags(axes: "Axes", estimate: Estimate, truth: Truth, T_truth_map: Arra
     enlarged = _enlargement([width_m for width_m, _, _ in shapes.values()])
     for name, (width_m, height_m, angle_deg) in shapes.items():
         size = (enlarged * width_m, enlarged * height_m)
-        axes.add_patch(Ellipse(p[name][:2], *size, angle=angle_deg, fill=False, color="C3"))  # type: ignore[arg-type]
+        ellipse = Ellipse(p[name][:2], *size, angle=angle_deg, fill=False, color="C3", zorder=3)  # type: ignore[arg-type]
+        axes.add_patch(ellipse)
     for name, (x, y, *_) in p.items():
         axes.annotate(name[-4:], (x, y), (5, 5), textcoords="offset points", fontsize=8)
     return enlarged

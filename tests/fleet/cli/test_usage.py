@@ -48,9 +48,23 @@ def test_wrong_paths_are_one_line(mrclam_folder: Path, arguments: list[str], mes
     assert message in last
 
 
-@pytest.mark.parametrize("option", [["--truth-swap", "6"], ["--range-sigma-m", "-1"], ["--what"]])
-def test_wrong_usage(mrclam_folder: Path, option: list[str]):
-    assert fleet("replay", "mrclam", mrclam_folder, *option).returncode == 2
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (["--truth-swap", "6"], "two different landmarks"),
+        (["--depth-ratio", "-1"], "--depth-ratio is -1.0, expected more than 0"),
+        (["--what"], "No such option"),
+    ],
+)
+def test_wrong_usage(mrclam_folder: Path, option: list[str], message: str):
+    done = fleet("replay", "mrclam", mrclam_folder, *option)
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_a_seed_is_not_negative(tmp_path: Path):
+    assert fleet("demo", "--out", tmp_path / "out", "--seed", "-1").returncode == 2
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_demo_needs_an_empty_folder(tmp_path: Path):
