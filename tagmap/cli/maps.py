@@ -9,6 +9,8 @@ from tagmap.cli.ask import ask
 from tagmap.cli.options import Target, client
 from tagmap.cli.show import show_facts, show_json, show_table, time_of
 
+REPORTED = 40
+
 
 @click.group("map")
 def map_() -> None:
@@ -35,8 +37,10 @@ def solve(target: Target, timeout_s: float) -> None:
     told = {"at": time_of(data["t_ns"]), **data, **summary}
     hidden = ("v", "t_ns", "moved", "facts", "ends")
     show_facts({name: value for name, value in told.items() if name not in hidden})
-    for line in report:
+    for line in report[:REPORTED]:
         click.echo(f"report: {line}")
+    if len(report) > REPORTED:
+        click.echo(f"report: and {len(report) - REPORTED} lines more, all of them with --json")
 
 
 @map_.command()

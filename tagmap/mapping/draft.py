@@ -1,6 +1,6 @@
 """What one step of the mapper wants committed and said."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -63,6 +63,3 @@ class Draft:
 
     def note(self, name: str, **fields: Any) -> None:
         self.events.append(Event(name, fields))
-
-    def robots(self) -> Iterator[str]:
-        yield from dict.fromkeys(robot for robot, _ in self.touched)

@@ -35,6 +35,7 @@ BATCH = 512
 TURN_S = 0.1
 ROUTER_CHECK_S = 0.5
 RETRY_S = 1.0
+NAMED = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +103,7 @@ class Service:
             self.mapper.surveys.update({p.tag: p for p in new})
             self.solving.cadence.changed()
             self.solving.cadence.want()
-            self.log.info("surveyed", tags=[p.tag for p in new])
+            self.log.info("surveyed", count=len(new), tags=[p.tag for p in new[:NAMED]])
         return len(new)
 
     def _handle(self, event: Any) -> None:
