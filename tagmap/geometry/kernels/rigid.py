@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from tagmap.conventions import Array
 from tagmap.geometry.kernels.compiled import compiled
 
@@ -179,3 +181,11 @@ def orthonormalise(T: Array) -> None:
         T[i, 0] = 0.5 * (x * (3.0 - g00) - y * g01 - z * g02)
         T[i, 1] = 0.5 * (y * (3.0 - g11) - x * g01 - z * g12)
         T[i, 2] = 0.5 * (z * (3.0 - g22) - x * g02 - y * g12)
+
+
+@compiled
+def batch_align(p_a: Array, p_b: Array, weight: Array, T_b_a: Array) -> None:
+    """`align` of p_a, p_b (S, N, 3) with common weights (N,); NaN where the turn is open."""
+    for s in range(len(p_a)):
+        if not align(p_a[s], p_b[s], weight, T_b_a[s]):
+            T_b_a[s] = np.nan

@@ -113,3 +113,25 @@ def weakest(cov: Array, lever_m: float, step: Array, work: Array) -> None:
     for i in range(3):
         step[i] *= sigma
         step[i + 3] *= sigma / lever_m
+
+
+@compiled
+def batch(view: View, T: Array, chi2: Array) -> None:
+    """`refine` for S views that differ in p, ray and information alone: in `view` all of them are
+    stacked, (S N, ..). T (S, 3, 4) are starts and become optima, chi2 (S,) theirs.
+    """
+    desk, n = new_desk(), len(view.p) // len(T)
+    for s in range(len(T)):
+        rows = slice(s * n, (s + 1) * n)
+        one = View(
+            view.p[rows],
+            view.ray[rows],
+            view.information[rows],
+            view.cov,
+            view.T_right_left,
+            view.prior_T,
+            view.prior_information,
+            view.gravity,
+            view.height,
+        )
+        chi2[s] = refine(one, T[s], desk)
