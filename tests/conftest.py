@@ -1,14 +1,27 @@
-"""What tests of running processes share: free ports, routers, and waiting without guessing."""
+"""What tests share: recorded data, free ports, routers, and waiting without guessing."""
 
+import os
 import socket
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
 from tagmap.link.router import RouterProcess
 
 PATIENCE_S = 20.0
+BESIDE = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def recorded_data() -> Path:
+    """The folder of recorded data sets: TAGMAP_DATA, else beside the checkout; skips without."""
+    given = os.environ.get("TAGMAP_DATA")
+    folder = Path(given) if given else BESIDE
+    if not folder.is_dir():
+        pytest.skip(f"no recorded data in {given or '../shared/data'}; TAGMAP_DATA may name it")
+    return folder
 
 
 def _free_port() -> int:

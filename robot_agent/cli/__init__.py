@@ -2,6 +2,7 @@
 
 import click
 
+from robot_agent.cli.calibrate import calibrate
 from robot_agent.cli.detect import detect
 from robot_agent.cli.run import run
 
@@ -13,3 +14,4 @@ def main() -> None:
 
 main.add_command(run)
 main.add_command(detect)
+main.add_command(calibrate)

@@ -1,6 +1,5 @@
 """Small data sets in the forms of the real ones, written here, so that nothing is needed."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +9,6 @@ from scipy.io import savemat
 from fleet.replay.mrclam_calibration import MrclamCalibration
 from tagmap.geometry import se2
 from tagmap.records.arrays import matrix
-
-BESIDE = Path(__file__).parents[3] / "shared" / "data"
-
-
-@pytest.fixture(scope="session")
-def recorded_data() -> Path:
-    """The folder of recorded data sets: TAGMAP_DATA, else beside the checkout; skips without."""
-    given = os.environ.get("TAGMAP_DATA")
-    folder = Path(given) if given else BESIDE
-    if not folder.is_dir():
-        pytest.skip(f"no recorded data in {given or '../shared/data'}; TAGMAP_DATA may name it")
-    return folder
 
 
 def _table(path: Path, rows: list[tuple[float, ...]]) -> None:

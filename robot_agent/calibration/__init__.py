@@ -1,0 +1,1 @@
+"""Calibration: what a robot must know of its own sensors before it can measure."""

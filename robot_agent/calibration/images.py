@@ -1,0 +1,94 @@
+"""Pairs of images in a folder, and one image as grey levels."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from tagmap.errors import DataError
+
+Grey = npt.NDArray[np.uint8]
+
+SIDES = ("left", "right")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two images taken at the same time; `name` is what their file names have in common."""
+
+    name: str
+    left: Path
+    right: Path
+
+
+def find_pairs(folder: Path) -> list[Pair]:
+    """Files `left*` and `right*` whose names go on alike: left-07.png and right_07.tif are pair 07.
+
+    PNG, JPEG and TIFF count, in the folder itself; case, and `-` or `_` behind the side, do not
+    matter. Raises DataError: no folder, no pairs, a file without its partner, two for one place.
+    """
+    left, right = _sides(folder)
+    if not left and not right:
+        raise DataError(
+            f"{folder}: no images left* and right* ({', '.join(SUFFIXES)}), expected pairs such as"
+            " left01.png and right01.png"
+        )
+    alone = sorted(path.name for path in [*_only_in(left, right), *_only_in(right, left)])
+    if alone:
+        raise DataError(f"{folder}: no partner for {', '.join(alone)}")
+    return [Pair(name, left[name], right[name]) for name in sorted(left)]
+
+
+def _sides(folder: Path) -> list[dict[str, Path]]:
+    """The files of the left and of the right camera, by the name of their pair."""
+    try:
+        files = sorted(folder.iterdir())
+    except OSError as error:
+        raise DataError(f"{folder}: {error.strerror}") from None
+    sides: dict[str, dict[str, Path]] = {side: {} for side in SIDES}
+    for path in files:
+        side = next((side for side in SIDES if path.stem.lower().startswith(side)), None)
+        if side is None or path.suffix.lower() not in SUFFIXES:
+            continue
+        name = path.stem.lower().removeprefix(side).lstrip("-_ ")
+        other = sides[side].setdefault(name, path)
+        if other != path:
+            raise DataError(f"{folder}: {other.name} and {path.name} are both {side} of one pair")
+    return [sides[side] for side in SIDES]
+
+
+def _only_in(these: dict[str, Path], others: dict[str, Path]) -> list[Path]:
+    return [path for name, path in these.items() if name not in others]
+
+
+def read_grey(path: Path) -> Grey:
+    """(height, width) of any image OpenCV reads; colour is converted, 16 bits are stretched to 8.
+
+    The pixels stay where the sensor has them: an orientation in the file is ignored. Raises
+    DataError.
+    """
+    import cv2
+
+    try:
+        encoded = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}") from None
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        image = cv2.imdecode(encoded, flags) if encoded.size else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise DataError(f"{path}: not an image, expected PNG, JPEG or TIFF")
+    return _eight_bits(np.asarray(image))
+
+
+def _eight_bits(image: npt.NDArray[np.generic]) -> Grey:
+    """Cameras of 10 or 12 bits leave most of 16 bits empty: the brightest pixel becomes 255."""
+    if image.dtype == np.uint8:
+        return image.astype(np.uint8, copy=False)
+    levels = image.astype(np.float64)
+    brightest = float(levels.max())
+    return np.rint(levels * (255.0 / brightest if brightest > 0.0 else 0.0)).astype(np.uint8)

@@ -1,0 +1,72 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from robot_agent.calibration.images import find_pairs, read_grey
+from tagmap.errors import DataError
+
+
+def touch(folder: Path, *names: str) -> Path:
+    for name in names:
+        (folder / name).touch()
+    return folder
+
+
+def test_pairs_go_by_what_follows_the_side(tmp_path: Path):
+    touch(tmp_path, "left-1.png", "Right_1.TIF", "left02.jpg", "right02.jpeg")
+    touch(tmp_path, "left_intrinsics.yml", "notes.txt", "lefty.txt", "centre01.png")
+    pairs = find_pairs(tmp_path)
+    assert [(p.name, p.left.name, p.right.name) for p in pairs] == [
+        ("02", "left02.jpg", "right02.jpeg"),
+        ("1", "left-1.png", "Right_1.TIF"),
+    ]
+
+
+def test_files_without_partner_are_named(tmp_path: Path):
+    touch(tmp_path, "left01.png", "right01.png", "left02.png", "right03.png")
+    with pytest.raises(DataError, match=r"no partner for left02\.png, right03\.png"):
+        find_pairs(tmp_path)
+
+
+def test_two_files_for_one_place_are_named(tmp_path: Path):
+    touch(tmp_path, "left01.png", "left-01.jpg", "right01.png")
+    with pytest.raises(DataError, match=r"left-01\.jpg and left01\.png are both left"):
+        find_pairs(tmp_path)
+
+
+def test_a_folder_without_images(tmp_path: Path):
+    with pytest.raises(DataError, match=r"no images left\* and right\*"):
+        find_pairs(tmp_path)
+    with pytest.raises(DataError, match="No such file"):
+        find_pairs(tmp_path / "nowhere")
+
+
+def write(path: Path, image: np.ndarray) -> Path:
+    assert cv2.imwrite(str(path), image)
+    return path
+
+
+def test_colour_becomes_grey(tmp_path: Path):
+    colour = np.zeros((4, 5, 3), np.uint8)
+    colour[1, 2] = 200
+    grey = read_grey(write(tmp_path / "a.png", colour))
+    assert grey.dtype == np.uint8
+    assert grey.shape == (4, 5)
+    assert grey[1, 2] == 200
+
+
+def test_twelve_bits_in_sixteen_are_stretched(tmp_path: Path):
+    image = np.array([[0, 2048, 4095]], np.uint16)
+    assert read_grey(write(tmp_path / "a.tiff", image)).tolist() == [[0, 128, 255]]
+    black = np.zeros((2, 2), np.uint16)
+    assert not read_grey(write(tmp_path / "b.png", black)).any()
+
+
+@pytest.mark.parametrize("content", [b"", b"not an image", b"\x89PNG\r\n\x1a\n"])
+def test_what_is_no_image_is_named(tmp_path: Path, content: bytes):
+    path = tmp_path / "left01.png"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=r"left01\.png: not an image"):
+        read_grey(path)
