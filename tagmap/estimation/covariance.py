@@ -15,11 +15,13 @@ from tagmap.estimation.linearise import linearise
 from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem
 
+ROUNDING = 1e-6
+
 
 class Marginals:
     """Covariances of the border (m, m), tags then scales, at once; of poses on demand.
 
-    Raises LinAlgError where the accepted factors do not determine everything.
+    Raises LinAlgError where the accepted factors do not determine everything, to rounding.
     """
 
     def __init__(self, problem: Problem, optimum: Optimum) -> None:
@@ -32,6 +34,9 @@ class Marginals:
         if gauge is not None:
             border -= gauge @ gauge.T / gauge_stiffness(self._factor.schur)
         self.border = 0.5 * (border + border.T)
+        eigenvalues = np.linalg.eigvalsh(self.tags())
+        if not (eigenvalues[:, 0] >= -ROUNDING * eigenvalues[:, -1]).all():
+            raise np.linalg.LinAlgError("a tag's covariance is lost in rounding")
 
     def tags(self) -> Array:
         """(M, d, d), map axes."""

@@ -21,6 +21,7 @@ from tagmap.estimation.restrict import restrict
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
+LEAST_INFORMATION = 1e-9
 WINDOW_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
 
 
@@ -44,7 +45,7 @@ def grow(problem: Problem, points: Points, poses: Index) -> Array:
     if len(poses) == 1:
         return T
     steps = _steps(problem, poses)
-    known = _nothing_known(problem)
+    known = _nothing_known(problem, T[0])
     start = 0
     while True:
         stop = min(start + WINDOW, len(poses))
@@ -63,11 +64,12 @@ def _steps(problem: Problem, poses: Index) -> Array:
     return problem.odometry.T[start:stop]
 
 
-def _nothing_known(problem: Problem) -> _Known:
-    dof, size = problem.pose_dof, problem.tag_dof + 1
+def _nothing_known(problem: Problem, T: Array) -> _Known:
+    """But that the next pose to start from is T (D, D)."""
+    dof = problem.pose_dof
     none = np.zeros(0, dtype=np.int64)
     sure = np.eye(dof) / FIRST_SIGMA**2
-    prior = Prior(none, np.eye(size), np.zeros((0, problem.tag_dof)), sure)
+    prior = Prior(none, T, np.zeros((0, problem.tag_dof)), sure)
     return _Known(prior, none, np.zeros(0))
 
 
@@ -114,25 +116,38 @@ def _support(window: Problem, optimum: Optimum) -> Array:
 
 
 def _condense(window: Problem, optimum: Optimum, tags: Index, support: Array) -> _Known:
-    """Marginalise all but the last pose, and the tags that too few sightings carry."""
-    information = _last_pose_and_tags(optimum.equations, window.pose_dof)
-    dof, d = window.pose_dof, window.tag_dof
-    lasting = np.flatnonzero(support >= LEAST_SIGHTINGS)
-    kept = np.concatenate([np.arange(dof), _columns(lasting, d, dof)])
-    gone = np.setdiff1d(np.arange(len(information)), kept)
-    reduced = information[np.ix_(kept, kept)]
-    if len(gone):
-        block = information[np.ix_(gone, gone)] + 1e-9 * np.eye(len(gone))
-        cross = information[np.ix_(gone, kept)]
-        reduced = reduced - cross.T @ linalg.solve(block, cross, assume_a="pos")
+    """Marginalise all but the last pose, and the tags that too few sightings carry.
+
+    Where rounding leaves nothing positive definite of it, the window is forgotten.
+    """
     state = optimum.state
-    prior = Prior(lasting, state.T[-1], state.p[lasting], 0.5 * (reduced + reduced.T))
+    lasting = np.flatnonzero(support >= LEAST_SIGHTINGS)
+    try:
+        whole = _last_pose_and_tags(optimum.equations, window.pose_dof)
+        information = _marginal(whole, _columns(lasting, window))
+    except linalg.LinAlgError:
+        return _nothing_known(window, state.T[-1])
+    prior = Prior(lasting, state.T[-1], state.p[lasting], information)
     return _Known(prior, tags[lasting], support[lasting])
 
 
-def _columns(tags: Index, d: int, offset: int) -> Index:
-    columns: Index = (offset + tags[:, None] * d + np.arange(d)).ravel()
-    return columns
+def _marginal(information: Array, kept: Index) -> Array:
+    """Schur complement on the columns `kept`. Raises LinAlgError if not positive definite."""
+    gone = np.setdiff1d(np.arange(len(information)), kept)
+    reduced = information[np.ix_(kept, kept)]
+    if len(gone):
+        block = information[np.ix_(gone, gone)] + LEAST_INFORMATION * np.eye(len(gone))
+        cross = information[np.ix_(gone, kept)]
+        reduced = reduced - cross.T @ linalg.cho_solve(linalg.cho_factor(block), cross)
+    linalg.cholesky(reduced)
+    symmetric: Array = 0.5 * (reduced + reduced.T)
+    return symmetric
+
+
+def _columns(tags: Index, window: Problem) -> Index:
+    """Columns of the last pose and of `tags` where that pose comes before all tags."""
+    dof, d = window.pose_dof, window.tag_dof
+    return np.concatenate([np.arange(dof), (dof + tags[:, None] * d + np.arange(d)).ravel()])
 
 
 def _last_pose_and_tags(equations: NormalEquations, dof: int) -> Array:

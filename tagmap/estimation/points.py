@@ -13,6 +13,7 @@ from tagmap.geometry import camera, measurement
 ROBUST_ROUNDS = 10
 LEAST_PARALLAX = 1e-3
 GUESSED_RANGE_M = 5.0
+LEAST_DETERMINANT = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +56,8 @@ def points_of(problem: Problem) -> Points:
 
 
 def _points_of_block(problem: Problem, block: Sightings) -> Points:
-    W = block.whiten
-    cov = np.asarray(np.linalg.inv(np.swapaxes(W, -1, -2) @ W), dtype=np.float64)
+    L = np.asarray(np.linalg.inv(block.whiten), dtype=np.float64)
+    cov = L @ np.swapaxes(L, -1, -2)
     given = measurement.to_point(block.form, problem.kind, block.z, cov, block.rig)
     p_cam, information = _directions(block) if given is None else _informed(*given)
     d = problem.tag_dof
@@ -69,11 +70,14 @@ def _points_of_block(problem: Problem, block: Sightings) -> Points:
 
 
 def _informed(p_cam: Array, cov: Array) -> tuple[Array, Array]:
-    """Covariance to information; a point that could not be computed stays NaN."""
-    bad = ~np.isfinite(cov.sum(axis=(1, 2)))
-    information = np.linalg.inv(np.where(bad[:, None, None], np.eye(cov.shape[1]), cov))
-    information[bad] = np.nan
-    return p_cam, information
+    """Covariance to information; NaN of a point or covariance that could not be computed."""
+    sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    scale = sigma[:, :, None] * sigma[:, None, :]
+    with np.errstate(all="ignore"):
+        correlation = cov / scale
+        bad = ~(np.linalg.det(correlation) > LEAST_DETERMINANT)[:, None, None]
+    regular = np.where(bad, np.eye(cov.shape[1]), correlation)
+    return p_cam, np.where(bad, np.nan, np.linalg.inv(regular) / scale)
 
 
 def _directions(block: Sightings) -> tuple[Array, Array]:

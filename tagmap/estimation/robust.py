@@ -7,8 +7,8 @@ Tzoumas, Carlone, "Graduated Non-Convexity for Robust Spatial Perception", RA-L 
         sqrt(c2 mu (mu + 1) / r2) - mu     between
         0                                  r2 >= c2 (mu + 1) / mu
 
-for mu growing from nearly 0 (w ~ 1 / r, a convex cost) to SHARPEST, beyond which weights are 0 or 1: then
-the last steps converge quadratically.
+for mu growing from nearly 0 (w ~ 1 / r, a convex cost) to SHARPEST, beyond which weights are 0 or
+1: then the last steps converge quadratically.
 `c2` is a chi-square quantile of the factor's dimension: nothing here is tuned to a data set.
 Odometry is not down-weighted: a chain cut at one bad step would fall apart.
 """

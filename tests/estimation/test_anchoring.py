@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from tagmap.conventions import Kind
+from tagmap.conventions import Array, Kind
 from tagmap.estimation.solution import Solution
 from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import SessionData, SurveyedTag
 from tests.estimation.worlds import Drive, World, errors, hall, mapped, session
 
-Site = tuple[World, list[SessionData], list[np.ndarray]]  # type: ignore[type-arg]
+Site = tuple[World, list[SessionData], list[Array]]
 
 
 @pytest.fixture(params=["planar", "spatial"])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tagmap.conventions import Array, Form, Kind
+from tagmap.conventions import Array, Form, Index, Kind
 from tagmap.estimation import factors
 from tagmap.estimation.factors import lie
 from tagmap.estimation.linearise import linearise
@@ -75,7 +75,7 @@ def test_odometry_jacobians(kind: Kind, turn_rad: float) -> None:
     odometry = replace(odometry, T=odometry.T @ group.exp(twist))
     _, J_first, J_next = factors.odometry_terms(kind, odometry, truth)
 
-    def moved(which: Array) -> Callable[[Array], Array]:
+    def moved(which: Index) -> Callable[[Array], Array]:
         def residual(delta: Array) -> Array:
             T = truth.T.copy()
             T[which] = T[which] @ group.exp(delta)

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
-from tagmap.conventions import Kind
+from tagmap.conventions import Array, Kind
 from tagmap.estimation.solve import solve
+from tagmap.estimation.stack import SessionData
 from tests.estimation.worlds import (
     Drive,
-    SessionData,
-    changed,
     errors,
     hall,
     mapped,
@@ -19,7 +19,7 @@ from tests.estimation.worlds import (
 )
 
 
-def _two_robots(kind: Kind, shared: int) -> tuple[list[SessionData], list[np.ndarray]]:  # type: ignore[type-arg]
+def _two_robots(kind: Kind, shared: int) -> tuple[list[SessionData], list[Array]]:
     """Robot 1 sees tags 0-7, robot 2 tags 8-11 and the last `shared` of robot 1's."""
     rng = np.random.default_rng(9)
     world = hall(kind, rng, spread=0.5)
@@ -44,10 +44,7 @@ def test_sessions_that_share_too_few_tags(kind: Kind, shared: int) -> None:
         f"session r2/session-2: 80 of 80 keyframes withheld: it sees {4 + shared} tags, "
         f"{shared} of them on the map"
     )
-    assert [line.split(":")[0] for line in tag_lines] == ["tag tag10", "tag tag11"] + [
-        "tag tag8",
-        "tag tag9",
-    ]
+    assert [line.split(":")[0] for line in tag_lines] == [f"tag tag{i}" for i in (10, 11, 8, 9)]
     world = hall(kind, np.random.default_rng(9), spread=0.5)
     assert errors(world, solution, truths).rmse_m < 0.05
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 from tagmap.conventions import POSE_DOF, Array, Form, Kind
 from tagmap.estimation.factors import lie
@@ -16,7 +17,6 @@ from tests.estimation.worlds import (
     ODOM_SIGMA,
     Drive,
     World,
-    changed,
     errors,
     hall,
     mapped,
@@ -30,7 +30,8 @@ def _sane(solution: Solution) -> Solution:
         assert (tag.p is None) == (tag.cov is None) == (tag.state == "withheld")
         if tag.p is not None and tag.cov is not None:
             assert np.isfinite(tag.p).all()
-            assert (np.linalg.eigvalsh(tag.cov) > -1e-12).all()
+            eigenvalues = np.linalg.eigvalsh(tag.cov)
+            assert eigenvalues[0] > -1e-6 * eigenvalues[-1]
     for one in solution.sessions:
         assert np.isfinite(one.T).all()
         assert one.connected == bool(len(one.seqs))
@@ -59,7 +60,8 @@ def kind(request: pytest.FixtureRequest) -> Kind:
 def test_no_sessions() -> None:
     solution = _sane(solve([], []))
     assert solution.gauge == "floating"
-    assert solution.tags == solution.sessions == ()
+    assert solution.tags == ()
+    assert solution.sessions == ()
 
 
 def test_no_keyframes(kind: Kind) -> None:

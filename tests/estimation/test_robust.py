@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 from tagmap.conventions import Kind
 from tagmap.estimation import robust
 from tagmap.estimation.solve import solve
+from tagmap.estimation.stack import SessionData
 from tests.estimation.worlds import (
     Drive,
-    SessionData,
-    changed,
     errors,
     hall,
     mapped,

@@ -91,4 +91,4 @@ def test_without_odometry_a_keyframe_of_too_few_tags_is_withheld() -> None:
     withheld = THERE.n - len(second.seqs)
     assert line.startswith(f"session r2/session-2: {withheld} of {THERE.n} keyframes withheld")
     found = errors(world, solution, [T for _, T in reported])
-    assert np.linalg.norm(found.poses[1][:, :3], axis=1).max() < 0.25
+    assert np.median(np.linalg.norm(found.poses[1][:, :3], axis=1)) < 0.05
