@@ -35,7 +35,8 @@ def draw(path: Path, calibration: StereoCalibration) -> None:
     scale = PANEL_PX / calibration.fit.rig.left.width_px
     enlarged = _enlargement(calibration.fit.residual_px, scale)
     panels = [_panel(calibration, side, scale, enlarged) for side in (0, 1)]
-    _, encoded = cv2.imencode(".png", np.hstack(panels))
+    small = [cv2.IMWRITE_PNG_COMPRESSION, 9]
+    _, encoded = cv2.imencode(".png", np.hstack(panels), small)
     try:
         path.write_bytes(encoded.tobytes())
     except OSError as error:
@@ -66,7 +67,7 @@ def _panel(calibration: StereoCalibration, side: int, scale: float, enlarged: in
     _write(canvas, facts, EDGE_PX, 57, 0.55)
     legend = f"blue: {len(corners)} pairs, residuals x {enlarged}"
     left_out = sum(pair.view is not None for pair in calibration.rejected)
-    _write(canvas, legend + f"    red: {left_out} bad pairs", EDGE_PX, HEAD_PX + height + 23, 0.55)
+    _write(canvas, legend + f"    red: bad pairs, {left_out}", EDGE_PX, HEAD_PX + height + 23, 0.55)
     return canvas
 
 

@@ -1,7 +1,7 @@
 """From a folder of images to a rig file and a picture: the calibration as the user asks for it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robot_agent.calibration.board import Board, find_corners, turned_alike
@@ -13,12 +13,17 @@ from robot_agent.calibration.stereo import Rejected, StereoCalibration, calibrat
 from tagmap.errors import ConfigError, DataError, DegenerateError
 from tagmap.records.rig_file import write_rig
 
+ASKED = 3
+"""Images in which a larger board is looked for."""
+
 
 @dataclass(frozen=True, slots=True)
 class Corners:
-    """What was seen in a folder: images of one size (width, height), pairs with and without."""
+    """What was seen in a folder of images of one size (width, height): `pairs` with their `views`,
+    and those without."""
 
     size_px: tuple[int, int]
+    pairs: list[Pair]
     views: list[View]
     missed: list[Rejected]
 
@@ -33,6 +38,7 @@ def calibrate_folder(
             f"{folder}: no board of {board} inner corners, whole in both images of any pair; a"
             f" board of {board.cols + 1} by {board.rows + 1} squares has {board}"
         )
+    _require_all_of_it(corners.pairs, board)
     try:
         return calibrate(corners.views, corners.size_px, board, corners.missed)
     except (DataError, DegenerateError) as error:
@@ -44,6 +50,7 @@ def see_folder(
 ) -> Corners:
     """Find the board in all pairs of a folder; all images must be of one size."""
     size_px: tuple[int, int] | None = None
+    found: list[Pair] = []
     views: list[View] = []
     missed: list[Rejected] = []
     pairs = find_pairs(folder)
@@ -56,9 +63,13 @@ def see_folder(
             _require_size(path, image, size_px, pairs[0].left)
             images.append(image)
         seen = _see_pair(pair, images, board, window_px)
-        views.append(seen) if isinstance(seen, View) else missed.append(seen)
+        if isinstance(seen, Rejected):
+            missed.append(seen)
+        else:
+            found.append(pair)
+            views.append(seen)
     assert size_px is not None
-    return Corners(size_px, views, missed)
+    return Corners(size_px, found, views, missed)
 
 
 def _require_size(path: Path, image: Grey, size_px: tuple[int, int], first: Path) -> None:
@@ -68,6 +79,16 @@ def _require_size(path: Path, image: Grey, size_px: tuple[int, int], first: Path
             f"{path}: {width_px} x {height_px} px, expected {size_px[0]} x {size_px[1]} px as"
             f" {first.name}"
         )
+
+
+def _require_all_of_it(pairs: Sequence[Pair], board: Board) -> None:
+    """OpenCV also finds a board within a larger one. Single images may deceive: ask ASKED."""
+    for larger in (replace(board, cols=board.cols + 1), replace(board, rows=board.rows + 1)):
+        asked = [find_corners(read_grey(pair.left), larger) for pair in pairs[:ASKED]]
+        if 2 * sum(corners is not None for corners in asked) > len(asked):
+            raise DataError(
+                f"{pairs[0].left}: the board has {larger} inner corners or more, expected {board}"
+            )
 
 
 def _see_pair(

@@ -76,12 +76,12 @@ def test_images_of_different_sizes(some_boards, tmp_path):
     assert "right02.png: 200 x 100 px, expected 320 x 240 px as left01.png" in line
 
 
-@pytest.mark.parametrize("board", ["8x5", "6x5", "12x9"])
-def test_the_wrong_board(some_boards, tmp_path, board):
-    line = refused(
-        some_boards([1, 2, 4]), tmp_path / "rig.toml", "--board", board, "--square-m", "0.03"
-    )
-    assert "good pairs" in line or f"no board of {board} inner corners" in line
+def test_the_wrong_board(some_boards, tmp_path):
+    folder = some_boards([1, 2, 4, 5, 6])
+    for board in ("8x6", "8x5", "12x9"):
+        line = refused(folder, tmp_path / "rig.toml", "--board", board, "--square-m", "0.03")
+        larger = "the board has 9x6 inner corners or more, expected 8x6"
+        assert larger in line or f"no board of {board} inner corners" in line
 
 
 def test_images_without_board(tmp_path):
@@ -140,6 +140,13 @@ def test_recorded_boards(recorded_data, tmp_path):
     assert len(told["pairs"]) == 13
     assert told["rms_px"] <= 0.22
     assert told["baseline_m"] == pytest.approx(0.0833, abs=0.0003)
+
+
+@pytest.mark.data
+def test_recorded_boards_are_not_taken_for_smaller_ones(recorded_data, tmp_path):
+    folder = recorded_data / "stereo_chessboards"
+    line = refused(folder, tmp_path / "rig.toml", "--board", "8x6", "--square-m", "0.025")
+    assert ".jpg: the board has 9x6 inner corners or more, expected 8x6" in line
 
 
 @pytest.mark.data
