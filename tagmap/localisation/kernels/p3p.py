@@ -23,6 +23,7 @@ _POLISH = 2
 # Two roots that merge leave a discriminant of rounding's size, of either sign.
 _ROUNDING = 1e-12
 _SAME = 1e-9
+_EXACT = 1e-14
 
 
 @compiled
@@ -194,7 +195,7 @@ def _polish(d: Three, m: Three, a: Three) -> Three:
         J10, J12 = x - m[1] * z, z - m[1] * x
         J21, J22 = y - m[2] * z, z - m[2] * y
         det = -2.0 * (J00 * J12 * J21 + J01 * J10 * J22)
-        if det == 0.0 or step == _POLISH:
+        if det == 0.0 or step == _POLISH or size < _EXACT * (a[0] + a[1] + a[2]):
             return d
         x -= (-J12 * J21 * r0 - J01 * J22 * r1 + J01 * J12 * r2) / det
         y -= (-J10 * J22 * r0 + J00 * J22 * r1 - J00 * J12 * r2) / det
@@ -205,22 +206,29 @@ def _polish(d: Three, m: Three, a: Three) -> Three:
 
 
 @compiled
-def _place(ray: Array, p: Array, d: Three, e: Array, T: Array) -> None:
-    """T_map_cam (3, 4) that lays the triangle d_i ray_i on the points p, corner frame on corner
-    frame, centre on centre. e (2, 3, 3) is scratch."""
-    for side in range(2):
-        for k in range(3):
-            origin = p[0, k] if side else d[0] * ray[0, k]
-            e[side, 0, k] = (p[1, k] if side else d[1] * ray[1, k]) - origin
-            e[side, 1, k] = (p[2, k] if side else d[2] * ray[2, k]) - origin
-        _frame(e[side])
+def _edges(p: Array, e: Array) -> None:
+    """The frame e (3, 3) of a triangle p (3, 3), from its first corner."""
+    for k in range(3):
+        e[0, k], e[1, k] = p[1, k] - p[0, k], p[2, k] - p[0, k]
+    _frame(e)
+
+
+@compiled
+def _place(ray: Array, p: Array, d: Three, map_frame: Array, e: Array, T: Array) -> None:
+    """T_map_cam (3, 4) that lays the triangle d_i ray_i on the points p, frame on frame and centre
+    on centre. e (3, 3) is scratch."""
+    for k in range(3):
+        origin = d[0] * ray[0, k]
+        e[0, k], e[1, k] = d[1] * ray[1, k] - origin, d[2] * ray[2, k] - origin
+    _frame(e)
     for i in range(3):
-        centre = (p[0, i] + p[1, i] + p[2, i]) / 3.0
-        for j in range(3):
-            T[i, j] = e[1, 0, i] * e[0, 0, j] + e[1, 1, i] * e[0, 1, j] + e[1, 2, i] * e[0, 2, j]
-            mean = (d[0] * ray[0, j] + d[1] * ray[1, j] + d[2] * ray[2, j]) / 3.0
-            centre -= T[i, j] * mean
-        T[i, 3] = centre
+        T[i, 3] = (p[0, i] + p[1, i] + p[2, i]) / 3.0
+    for j in range(3):
+        mean = (d[0] * ray[0, j] + d[1] * ray[1, j] + d[2] * ray[2, j]) / 3.0
+        for i in range(3):
+            a, b, c = map_frame[0, i], map_frame[1, i], map_frame[2, i]
+            T[i, j] = a * e[0, j] + b * e[1, j] + c * e[2, j]
+            T[i, 3] -= T[i, j] * mean
 
 
 @compiled
@@ -308,8 +316,9 @@ def poses(ray: Array, p: Array, nearly: bool, d: Array, e: Array, T: Array) -> i
         n = distances((m12, m02, m01), (a12, a02, a01), nearly, d)
         for k in range(n):
             d[k, 0], d[k, 2] = d[k, 2], d[k, 0]
+    _edges(p, e[1])
     for k in range(n):
-        _place(ray, p, (d[k, 0], d[k, 1], d[k, 2]), e, T[k])
+        _place(ray, p, (d[k, 0], d[k, 1], d[k, 2]), e[1], e[0], T[k])
     return n
 
 

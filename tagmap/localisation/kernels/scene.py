@@ -42,10 +42,13 @@ class View(NamedTuple):
 
 @compiled
 def linearise(view: View, T: Array, H: Array, g: Array, scratch: Array) -> float:
-    """Fill H (6, 6) and g (6,) at T (3, 4); chi2, infinite where a tag is behind its camera."""
+    """Fill the lower triangle of H (6, 6), and g (6,), at T (3, 4); chi2.
+
+    Infinite where a tag is behind its camera.
+    """
     for i in range(6):
         g[i] = 0.0
-        for j in range(6):
+        for j in range(i + 1):
             H[i, j] = 0.0
     p, rays, W, cov, M = view.p, view.ray, view.information, view.cov, view.T_right_left
     chi2 = 0.0
