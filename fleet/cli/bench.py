@@ -29,7 +29,7 @@ def bench(
     sample: bool,
     data: Path | None,
 ) -> None:
-    """Measure SUITE: startup, store, service, replay or poses.
+    """Measure SUITE: startup, store, service, replay, spots or poses.
 
     Every figure is the median of several runs in this one. Ratios to a reference that was measured
     alongside, and accuracies, are compared with the baseline; times are only shown.

@@ -85,7 +85,7 @@ def workspace() -> Work:
     )
 
 
-@compiled
+@inlined
 def fit(
     work: Any,
     nx: int,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robot_agent.perception import gaussian, scan, sift
-from robot_agent.perception.compiled import cached, compiled
+from robot_agent.perception.compiled import cached, compiled, inlined
 from robot_agent.perception.flags import Flag
 from robot_agent.perception.scan import TILE_BYTES, TILE_ROWS, peaks, survey
 from robot_agent.perception.sift import noise, starts_at
@@ -37,8 +37,11 @@ _FITS = 4
 _SATURATED, _BORDER = int(Flag.SATURATED), int(Flag.BORDER)
 _OVERSIZED, _HOT_PIXEL = int(Flag.OVERSIZED), int(Flag.HOT_PIXEL)
 _ELONGATED, _MISFIT, _MERGED = int(Flag.ELONGATED), int(Flag.MISFIT), int(Flag.MERGED)
+_REFUSED_AT_SIGHT = _HOT_PIXEL | _OVERSIZED
 DROPPED = -1
 _FEW = 256
+_DISORDER_PX = 24.0
+"""By which a start may come after a lower one: the height of a band, and half a saturated blob."""
 
 
 class Sensor(NamedTuple):
@@ -59,21 +62,25 @@ class Sensor(NamedTuple):
 def crowd(image: Any, sensor: Any, starts: Array, flags: Index) -> None:
     """Mark those MERGED whose windows overlap others; DROPPED those that are the same spot."""
     n = len(flags)
+    reach = REACH * np.sqrt(starts[:, 2])
+    furthest = 0.0
     for i in range(n):
+        furthest = max(furthest, reach[i] + _DISORDER_PX)
+    for i in range(n):
+        lowest = starts[i, 1] + reach[i] + furthest
         for j in range(i + 1, n):
-            dv = starts[j, 1] - starts[i, 1]
-            reach = REACH * math.sqrt(starts[i, 2]) + REACH * math.sqrt(starts[j, 2])
-            du = starts[j, 0] - starts[i, 0]
-            if abs(du) > reach or abs(dv) > reach or flags[i] < 0 or flags[j] < 0:
+            if starts[j, 1] > lowest and not flags[j] & _OVERSIZED:
+                break
+            du, dv = starts[j, 0] - starts[i, 0], starts[j, 1] - starts[i, 1]
+            if du * du + dv * dv > (reach[i] + reach[j]) ** 2 or flags[i] < 0 or flags[j] < 0:
                 continue
-            if (flags[i] | flags[j]) & (_HOT_PIXEL | _OVERSIZED):
+            if (flags[i] | flags[j]) & _REFUSED_AT_SIGHT:
                 continue
-            if du * du + dv * dv < reach * reach:
-                if _dips(image, sensor, starts[i], starts[j]):
-                    flags[i] |= _MERGED
-                    flags[j] |= _MERGED
-                else:
-                    flags[j] = DROPPED
+            if _dips(image, sensor, starts[i], starts[j]):
+                flags[i] |= _MERGED
+                flags[j] |= _MERGED
+            else:
+                flags[j] = DROPPED
 
 
 @compiled
@@ -100,7 +107,7 @@ def measure(image: Any, sensor: Any, starts: Array, flags: Index) -> Array:
     for k in range(n):
         if flags[k] == DROPPED:
             continue
-        if flags[k] & (_HOT_PIXEL | _OVERSIZED | _MERGED):
+        if flags[k] & (_REFUSED_AT_SIGHT | _MERGED):
             u, v, level = starts[k, 0], starts[k, 1], starts[k, 3]
             rows[k, 0], rows[k, 1], rows[k, 6] = u, v, image[round(v), round(u)] - level
             rows[k, 7], rows[k, 8] = starts[k, 2], level
@@ -123,7 +130,7 @@ def _measure_one(image: Any, sensor: Any, start: Array, flag: int, work: Any, ro
     limits = (sensor.sigma_least**2 + PIXEL_VARIANCE, sensor.sigma_most**2 + PIXEL_VARIANCE)
     for _ in range(_FITS):
         half = min(max(math.ceil(REACH * math.sqrt(q) - 0.5), _HALF_LEAST), _HALF_MOST)
-        x, y = round(u), round(v)
+        x, y = math.floor(u + 0.5), math.floor(v + 0.5)
         left, right = max(x - half, 0), min(x + half + 1, width)
         top, bottom = max(y - half, 0), min(y + half + 1, height)
         clipped = load(image, left, top, right, bottom, sensor.full_scale, work)
@@ -156,14 +163,15 @@ def _measure_one(image: Any, sensor: Any, start: Array, flag: int, work: Any, ro
         scale = spot.chi2 / spot.dof
         if spot.chi2 - spot.dof > MISFIT_SHARE * spot.significance**2:
             flag |= _MISFIT
-    if math.hypot(spot.e1, spot.e2) > max(_ELONGATION, DOUBT * spot.e_sigma):
+    least = max(_ELONGATION, DOUBT * spot.e_sigma)
+    if spot.e1 * spot.e1 + spot.e2 * spot.e2 > least * least:
         flag |= _ELONGATED
     row[2], row[5] = scale * spot.uu, scale * spot.vv
     row[3] = row[4] = scale * spot.uv
     return flag | _cut(u, v, q, width, height)
 
 
-@compiled
+@inlined
 def load(
     image: Any, left: int, top: int, right: int, bottom: int, full_scale: float, work: Any
 ) -> bool:

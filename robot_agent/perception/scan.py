@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_agent.perception.compiled import compiled
+from robot_agent.perception.compiled import compiled, inlined
 from tagmap.conventions import Array, Index
 
 TILE_BYTES = 256
@@ -96,57 +96,112 @@ def peaks(image: Any, words: Any, background: Array, excess: float, found: Index
     image (height, width); words (height, n): the same memory, eight bytes each, possibly with a
     margin on the right. Returns how many there are, which may be more than `found` holds.
     """
-    bits = 8 * image.itemsize
+    height, columns = image.shape[0], background.shape[1]
     lanes = 8 // image.itemsize
-    high = np.uint64(0x8080808080808080 if bits == 8 else 0x8000800080008000)
-    ones = high >> np.uint64(bits - 1)
-    low = ~high
-    height, width = image.shape
-    last = height - 1
+    high = np.uint64(0x8080808080808080 if lanes == 8 else 0x8000800080008000)
+    tests = _tests(background, excess, 64 // lanes, high)
+    bright, marked = np.empty(columns, np.uint64), np.empty(_WORDS, np.uint64)
     n = 0
     for top in range(0, height, BAND_ROWS):
-        r0, r1 = words[top], words[min(top + 1, last)]
-        r2, r3 = words[min(top + 2, last)], words[min(top + 3, last)]
-        r4, r5 = words[min(top + 4, last)], words[min(top + 5, last)]
-        r6, r7 = words[min(top + 6, last)], words[min(top + 7, last)]
+        test = tests[top // TILE_ROWS]
+        _mark_tiles(words, top, test, ~high, bright)
+        for column in range(columns):
+            if bright[column] & high:
+                n = _peaks_of_block(image, words, top, column, test[column], high, marked, found, n)
+    return n
+
+
+@compiled
+def _tests(background: Array, excess: float, bits: int, high: Any) -> Any:
+    """Of each tile (rows, columns, 3): what _above needs, and the threshold itself.
+
+    A lane is at or above the threshold when adding the complement carries into its high bit. The
+    sum is made without the high bits, which are then put back: where the threshold has none, a
+    high bit in the lane `or` in the sum decides, else it has to be in both.
+    """
+    tests = np.empty((*background.shape, 3), np.uint64)
+    ones = high >> np.uint64(bits - 1)
+    for row in range(background.shape[0]):
         for column in range(background.shape[1]):
-            level = background[top // TILE_ROWS, column] + excess
-            if level >= (1 << bits) - 1:
-                continue
-            threshold = int(level) + 1
-            # A lane is at or above the threshold when adding the complement carries into its high
-            # bit; the sum is made without the high bit, which `either` and `both` put back.
+            # Full scale itself is always bright enough.
+            threshold = min(int(background[row, column] + excess) + 1, (1 << bits) - 1)
             small = threshold <= 1 << (bits - 1)
-            add = ones * np.uint64((1 << (bits - 1 if small else bits)) - threshold)
-            both = ~np.uint64(0) if small else np.uint64(0)
-            start = min(column * _WORDS, words.shape[1] - _WORDS)
-            s0, s1 = r0[start : start + _WORDS], r1[start : start + _WORDS]
-            s2, s3 = r2[start : start + _WORDS], r3[start : start + _WORDS]
-            s4, s5 = r4[start : start + _WORDS], r5[start : start + _WORDS]
-            s6, s7 = r6[start : start + _WORDS], r7[start : start + _WORDS]
-            hit = np.uint64(0)
-            for k in range(_WORDS):
-                hit |= (((s0[k] & low) + add) | (s0[k] & both)) & (s0[k] | both)
-                hit |= (((s1[k] & low) + add) | (s1[k] & both)) & (s1[k] | both)
-                hit |= (((s2[k] & low) + add) | (s2[k] & both)) & (s2[k] | both)
-                hit |= (((s3[k] & low) + add) | (s3[k] & both)) & (s3[k] | both)
-                hit |= (((s4[k] & low) + add) | (s4[k] & both)) & (s4[k] | both)
-                hit |= (((s5[k] & low) + add) | (s5[k] & both)) & (s5[k] | both)
-                hit |= (((s6[k] & low) + add) | (s6[k] & both)) & (s6[k] | both)
-                hit |= (((s7[k] & low) + add) | (s7[k] & both)) & (s7[k] | both)
-            if hit & high == 0:
+            tests[row, column, 0] = ones * np.uint64(
+                (1 << (bits - 1 if small else bits)) - threshold
+            )
+            tests[row, column, 1] = ~np.uint64(0) if small else np.uint64(0)
+            tests[row, column, 2] = threshold
+    return tests
+
+
+@inlined
+def _above(word: Any, low: Any, add: Any, either: Any) -> Any:
+    """Has the high bit of those lanes set that are at or above the threshold; others anyhow."""
+    return (((word & low) + add) | (word & either)) & (word | either)
+
+
+@compiled
+def _mark_tiles(words: Any, top: int, test: Any, low: Any, bright: Any) -> None:
+    """Which tiles of a band hold something at or above their threshold."""
+    last = words.shape[0] - 1
+    r0, r1 = words[top], words[min(top + 1, last)]
+    r2, r3 = words[min(top + 2, last)], words[min(top + 3, last)]
+    r4, r5 = words[min(top + 4, last)], words[min(top + 5, last)]
+    r6, r7 = words[min(top + 6, last)], words[min(top + 7, last)]
+    for column in range(len(bright)):
+        add, either = test[column, 0], test[column, 1]
+        # The last tile may reach back into the one before, so that all are of one length.
+        start = min(column * _WORDS, words.shape[1] - _WORDS)
+        s0, s1 = r0[start : start + _WORDS], r1[start : start + _WORDS]
+        s2, s3 = r2[start : start + _WORDS], r3[start : start + _WORDS]
+        s4, s5 = r4[start : start + _WORDS], r5[start : start + _WORDS]
+        s6, s7 = r6[start : start + _WORDS], r7[start : start + _WORDS]
+        hit = np.uint64(0)
+        for k in range(_WORDS):
+            hit |= _above(s0[k], low, add, either) | _above(s1[k], low, add, either)
+            hit |= _above(s2[k], low, add, either) | _above(s3[k], low, add, either)
+            hit |= _above(s4[k], low, add, either) | _above(s5[k], low, add, either)
+            hit |= _above(s6[k], low, add, either) | _above(s7[k], low, add, either)
+        bright[column] = hit
+
+
+@compiled
+def _peaks_of_block(
+    image: Any,
+    words: Any,
+    top: int,
+    column: int,
+    test: Any,
+    high: Any,
+    marked: Any,
+    found: Index,
+    n: int,
+) -> int:
+    """Add the peaks of one tile's part of a band to the n that there are."""
+    bottom = min(top + BAND_ROWS, words.shape[0])
+    start = min(column * _WORDS, words.shape[1] - _WORDS)
+    lanes = 8 // image.itemsize
+    add, either = test[0], test[1]
+    marked[:] = 0
+    for y in range(top, bottom):
+        row = words[y, start : start + _WORDS]
+        for k in range(_WORDS):
+            marked[k] |= _above(row[k], ~high, add, either)
+    threshold = int(test[2])
+    for k in range(column * _WORDS - start, _WORDS):
+        if marked[k] & high == 0:
+            continue
+        left = (start + k) * lanes
+        right = min(left + lanes, image.shape[1])
+        for y in range(top, bottom):
+            if _above(words[y, start + k], ~high, add, either) & high == 0:
                 continue
-            for y in range(top, min(top + BAND_ROWS, height)):
-                for k in range(column * _WORDS, start + _WORDS):
-                    w = words[y, k]
-                    if (((w & low) + add) | (w & both)) & (w | both) & high == 0:
-                        continue
-                    for x in range(k * lanes, min((k + 1) * lanes, width)):
-                        if image[y, x] >= threshold and _is_peak(image, y, x):
-                            if n < found.shape[0]:
-                                found[n, 0] = y
-                                found[n, 1] = x
-                            n += 1
+            for x in range(left, right):
+                if image[y, x] >= threshold and _is_peak(image, y, x):
+                    if n < found.shape[0]:
+                        found[n, 0] = y
+                        found[n, 1] = x
+                    n += 1
     return n
 
 

@@ -1,6 +1,7 @@
 """`robot-agent detect` on files as a user has them, good and bad."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -10,13 +11,18 @@ from click.testing import CliRunner, Result
 
 from fleet.simulation.image import Sensor, add_hot_pixels, add_spots, dark, expose, flux_of_peak
 from robot_agent.cli import main
+from robot_agent.cli.detect import detect as command
+from robot_agent.perception.flags import Flag
 from tagmap.geometry import stereo
 from tagmap.geometry.covariance import unpack_upper
 from tagmap.records.arrays import stereo_rig
-from tagmap.records.rig_file import PRESETS, find_rig
+from tagmap.records.rig_file import PRESETS, find_rig, read_rig
 
 TAGS = np.array([[-0.6, -0.3, 3.0], [0.2, 0.5, 2.5], [0.9, -0.7, 4.0], [-0.9, 0.8, 3.5]])
 RIG = str(PRESETS / "wide-angle.toml")
+
+
+PAGE = (Path(__file__).parents[3] / "docs" / "perception.md").read_text()
 
 
 def detect(*arguments: object) -> Result:
@@ -155,3 +161,20 @@ def test_a_crowded_image_is_refused(tmp_path: Path):
 @pytest.mark.parametrize("arguments", [[], ["a.png"], ["a.png", "b.png"], ["a", "b", "--what"]])
 def test_wrong_usage(arguments: list[str]):
     assert detect(*arguments).exit_code == 2
+
+
+def test_every_option_and_flag_is_on_the_page():
+    options = {name for parameter in command.params for name in parameter.opts if "--" in name}
+    assert options == set(re.findall(r"^\| `(--[a-z-]+)", PAGE, re.MULTILINE))
+    assert {name.lower() for name in Flag.__members__} <= set(
+        re.findall(r"^\| `([a-z_]+)`", PAGE, re.MULTILINE)
+    )
+
+
+def test_the_rig_file_on_the_page_is_one(tmp_path: Path):
+    block = PAGE.split("## Rig files")[1].split("The thesis rig")[0]
+    text = "\n".join(line.strip() for line in block.splitlines())
+    rig = text + "\n" + text.split("[left]")[1].split("[T_right_left]")[0].join(["[right]", ""])
+    rig = rig.replace("# and [right]", "")
+    (tmp_path / "rig.toml").write_text(rig)
+    assert read_rig(tmp_path / "rig.toml").left.fx_px == 1629.3
