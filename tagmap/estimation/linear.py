@@ -14,6 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy import linalg, sparse
+from scipy.linalg import lapack
 
 from tagmap.conventions import Array
 
@@ -65,6 +66,12 @@ class Factorisation:
         coupling = self.equations.coupling
         S = self.equations.border.copy()
         S[np.diag_indices_from(S)] += _raise(np.diag(S), self._damping)
+        if 0 in coupling.shape:
+            # LAPACK's dtbtrs, called without anything to solve, ends the process.
+            return S
+        if coupling.shape[1] <= COLUMNS_AT_ONCE:
+            half = self._half_solve(dense(coupling))
+            return S - half.T @ half
         for start in range(0, coupling.shape[1], COLUMNS_AT_ONCE):
             columns = slice(start, start + COLUMNS_AT_ONCE)
             S[:, columns] -= coupling.T @ self.solve_poses(dense(coupling[:, columns]))
@@ -77,6 +84,12 @@ class Factorisation:
             S = S + gauge_stiffness(S) * (self._gauge @ self._gauge.T)
         factor, lower = linalg.cho_factor(S, lower=True, check_finite=False)
         return factor, bool(lower)
+
+    def _half_solve(self, rhs: Array) -> Array:
+        """L^-1 rhs, half the work of A^-1 rhs: B' A^-1 B = (L^-1 B)' (L^-1 B)."""
+        x, _ = lapack.dtbtrs(self._band, rhs, uplo="L")
+        half: Array = x
+        return half
 
     def solve_poses(self, rhs: Array) -> Array:
         """A^-1 rhs, rhs (N dof,) or (N dof, k)."""

@@ -63,7 +63,7 @@ def weighted_cost(residuals: Residuals, weights: Weights) -> float:
         (residuals.odometry, weights.odometry),
         (residuals.surveyed, weights.surveyed),
     ]
-    total = sum(float(w[w > 0.0] @ r2[w > 0.0]) for r2, w in pairs)
+    total = sum(float(w @ np.where(w > 0.0, r2, 0.0)) for r2, w in pairs)
     return total + float(residuals.scale.sum()) + residuals.prior
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tagmap.conventions import Array, Kind
+from tagmap.estimation import linear
 from tagmap.estimation import linearise as linearise_module
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.factors import lie
@@ -16,6 +17,7 @@ from tagmap.estimation.linearise import linearise
 from tagmap.estimation.optimise import Optimum, Options, optimise
 from tagmap.estimation.problem import Prior, Problem, State
 from tagmap.estimation.residuals import unit_weights
+from tagmap.estimation.restrict import restrict
 from tagmap.estimation.robust import efficient
 from tests.estimation import dense
 from tests.estimation.problems import small
@@ -176,3 +178,26 @@ def test_what_nothing_measures_stays_where_it_is(kind: Kind) -> None:
     assert np.isfinite(poses).all()
     assert not border.reshape(-1, problem.tag_dof)[1].any()
     assert lie(kind).exp(poses).shape == state.T.shape
+
+
+def test_schur_in_parts_is_the_whole(kind: Kind, monkeypatch: pytest.MonkeyPatch) -> None:
+    stacked, truth = small(kind, surveyed=True)
+    equations = linearise(stacked.problem, truth, unit_weights(stacked.problem))
+    whole = Factorisation(equations).schur
+    monkeypatch.setattr(linear, "COLUMNS_AT_ONCE", 5)
+    np.testing.assert_allclose(
+        Factorisation(equations).schur, whole, rtol=1e-7, atol=1e-9 * whole.max()
+    )
+
+
+def test_nothing_to_solve_for(kind: Kind) -> None:
+    """No pose, or no tag: LAPACK is not asked at all."""
+    stacked, truth = small(kind, n=4)
+    nobody, everybody = np.zeros(0, dtype=np.int64), np.arange(8)
+    for poses, tags in ((nobody, np.arange(6)), (everybody, nobody), (nobody, nobody)):
+        problem = restrict(stacked.problem, poses, tags)
+        state = State(truth.T[poses], truth.p[tags], np.ones(0))
+        equations = linearise(problem, state, unit_weights(problem))
+        delta, border = Factorisation(equations, damping=1e-6).step()
+        assert delta.shape == (len(poses), problem.pose_dof)
+        assert border.shape == (problem.n_border,)

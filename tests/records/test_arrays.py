@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from tagmap.conventions import Array, Kind
 from tagmap.geometry import se2, se3, stereo
 from tagmap.records import CameraCalibration, Measurement, RigCalibration, Transform, arrays
 from tests.geometry.lie import tangents
@@ -63,3 +64,17 @@ def test_measurements_are_stacked_by_form_and_keep_their_places() -> None:
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
 def test_covariance_sizes_are_recognised(n: int) -> None:
     assert arrays.covariance([1.0] * (n * (n + 1) // 2)).shape == (n, n)
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_many_matrices_at_once_are_those_one_by_one(kind: Kind) -> None:
+    T = np.stack([_example(kind, turn) for turn in (0.0, 1.0, -3.0)])
+    transforms = [arrays.transform(one) for one in T]
+    np.testing.assert_allclose(arrays.matrices(kind, transforms), T, atol=1e-12)
+    assert arrays.matrices(kind, []).shape == (0, *T.shape[1:])
+
+
+def _example(kind: Kind, turn: float) -> Array:
+    if kind == "planar":
+        return se2.from_p_theta(np.array([1.0, 2.0]), turn)
+    return se3.exp(np.array([1.0, 2.0, 3.0, turn, 0.1, 0.2]))
