@@ -6,14 +6,17 @@ from fleet.benchmarks.metric import Metric
 from fleet.benchmarks.suite import Measured, Suite
 
 
-def regressions(suite: Suite, measured: Measured, baseline: Mapping[str, float]) -> list[str]:
+def regressions(
+    suite: Suite, measured: Measured, baseline: Mapping[str, float], *, speed: bool = True
+) -> list[str]:
     """One line per metric that misses its reach or is worse than the baseline allows.
 
-    Times are never judged; neither is what was skipped.
+    Times are never judged; neither is what was skipped. Ratios of times only with `speed`.
     """
     lines = []
     for metric in suite.metrics:
-        if metric.key in measured.figures and not metric.is_time:
+        judged = not (metric.is_time if speed else metric.is_speed)
+        if metric.key in measured.figures and judged:
             complaint = _complaint(
                 metric, measured.figures[metric.key].value, baseline.get(metric.key)
             )

@@ -10,7 +10,7 @@ TIME_UNITS = ("s", "ms", "1/s")
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """One figure. `key` is unique in its suite; `unit` "x" is a ratio.
+    """One figure. `key` is unique in its suite; `unit` "x" is a ratio of times.
 
     direction  which way is better
     tolerance  how much worse than the baseline it may become, as a share; None: never compared.
@@ -32,6 +32,11 @@ class Metric:
     @property
     def is_time(self) -> bool:
         return self.unit in TIME_UNITS
+
+    @property
+    def is_speed(self) -> bool:
+        """Of a machine as well as of the program: a ratio of times still depends on its caches."""
+        return self.is_time or self.unit == "x"
 
     def reaches(self, value: float) -> bool:
         if self.reach is None:

@@ -267,7 +267,7 @@ def test_refusals_are_logged_with_their_reason(
     process = commands.run("--source", journal(10), "--connect", endpoint)
     _, err = process.communicate(timeout=PATIENCE_S)
     [event] = [e for e in map(json.loads, err.splitlines()) if e["event"] == "refused"]
-    assert (event["robot"], event["first"], event["count"]) == ("r1", 4, 1)
+    assert (event["robot"], event["seq"], event["count"]) == ("r1", 4, 1)
     assert event["reason"] == "not wanted"
 
 

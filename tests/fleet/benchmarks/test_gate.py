@@ -136,3 +136,11 @@ def test_contract_and_table(capsys: pytest.CaptureFixture[str]):
     shown = capsys.readouterr().out
     assert "slowdown" in shown
     assert "yes" in shown
+
+
+def test_a_ratio_of_times_is_judged_only_on_demand():
+    metric = Metric("ours_by_theirs", "x", "lower", "time by time", tolerance=0.1, reach=2.0)
+    suite = Suite("speed", "", (metric,), lambda _: {metric.key: [3.0]})
+    measured = suite.run(Plan())
+    assert len(regressions(suite, measured, {metric.key: 1.0})) == 1
+    assert regressions(suite, measured, {metric.key: 1.0}, speed=False) == []
