@@ -1,6 +1,6 @@
 """Every figure in full, next to what it was; run by `make verify`.
 
-Judged is what is right or wrong on any machine; speed is shown, and judged by `fleet bench --check`.
+Judged is what is right or wrong on any machine; speed is shown, and `fleet bench --check` judges it.
 Replays of recorded data have their own test, tests/fleet/test_reach.py.
 """
 
