@@ -1,6 +1,6 @@
 """Every figure in full, next to what it was; run by `make verify`.
 
-Judged is what is right or wrong on any machine; speed is shown, and `fleet bench --check` judges it.
+Judged is what is right or wrong on any machine; `fleet bench --check` judges speed too.
 Replays of recorded data have their own test, tests/fleet/test_reach.py.
 """
 
