@@ -14,7 +14,7 @@ from fleet.benchmarks.replay import DataSet, figures, replay
 from fleet.benchmarks.suite import Plan, Suite, load
 from tagmap.errors import DataError
 
-SMALL = ("startup", "store", "service")
+SMALL = ("startup", "store", "service", "constellation")
 
 
 def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:

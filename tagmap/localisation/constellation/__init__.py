@@ -1,0 +1,1 @@
+"""Which spots are which tags, from their arrangement alone: as star trackers do, or abstain."""

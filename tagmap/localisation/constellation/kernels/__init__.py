@@ -1,0 +1,1 @@
+"""Compiled search. Importing these modules imports numba: do it where they are used."""
