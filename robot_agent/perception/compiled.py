@@ -1,27 +1,21 @@
 """How the functions that see every pixel are compiled: into their caller, and only it is cached."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import cast
 
 import numba
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+from tagmap.geometry.kernels.compiled import RELAXED, Function
+from tagmap.geometry.kernels.compiled import compiled as cached
 
-# Sums may be reordered and fused, but NaN and infinity keep their meaning.
-_RELAXED = {"contract", "arcp", "nsz", "reassoc"}
+__all__ = ["cached", "compiled", "inlined"]
 
 
 def compiled(function: Function) -> Function:
-    """For compiled functions to call."""
-    return cast(Function, numba.njit(error_model="numpy", fastmath=_RELAXED)(function))
+    """For compiled functions to call; `cached` are those for Python to call."""
+    return cast(Function, numba.njit(error_model="numpy", fastmath=RELAXED)(function))
 
 
 def inlined(function: Function) -> Function:
     """As `compiled`, for a function whose arguments take as long to pass as its work."""
-    made = numba.njit(error_model="numpy", fastmath=_RELAXED, inline="always")(function)
+    made = numba.njit(error_model="numpy", fastmath=RELAXED, inline="always")(function)
     return cast(Function, made)
-
-
-def cached(function: Function) -> Function:
-    """As `compiled`, for Python to call; kept on disk, where the next process finds it."""
-    return cast(Function, numba.njit(error_model="numpy", fastmath=_RELAXED, cache=True)(function))

@@ -48,14 +48,6 @@ def squared_residuals(problem: Problem, state: State) -> Residuals:
     )
 
 
-def unit_weights(problem: Problem) -> Weights:
-    return Weights(
-        tuple(np.ones(len(block)) for block in problem.sightings),
-        np.ones(len(problem.odometry.first)),
-        np.ones(len(problem.surveyed)),
-    )
-
-
 def weighted_cost(residuals: Residuals, weights: Weights) -> float:
     """Sum of w r2 over all factors, with the priors: what a step at fixed weights decreases."""
     pairs = [

@@ -11,9 +11,9 @@ from tagmap.estimation import factors
 from tagmap.estimation.factors import lie
 from tagmap.estimation.linearise import linearise
 from tagmap.estimation.problem import Odometry, Prior, Sightings, State
-from tagmap.estimation.residuals import squared_residuals, unit_weights
+from tagmap.estimation.residuals import squared_residuals
 from tagmap.geometry import se2, se3
-from tests.estimation.problems import exact, small
+from tests.estimation.problems import exact, small, unit_weights
 from tests.estimation.worlds import FORMS
 
 CASES: list[tuple[Kind, Form]] = [(kind, form) for kind, forms in FORMS.items() for form in forms]

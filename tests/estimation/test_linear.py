@@ -16,11 +16,10 @@ from tagmap.estimation.linear import Factorisation
 from tagmap.estimation.linearise import linearise
 from tagmap.estimation.optimise import Optimum, Options, optimise
 from tagmap.estimation.problem import Prior, Problem, State
-from tagmap.estimation.residuals import unit_weights
 from tagmap.estimation.restrict import restrict
 from tagmap.estimation.robust import efficient
 from tests.estimation import dense
-from tests.estimation.problems import small
+from tests.estimation.problems import small, unit_weights
 
 KINDS: tuple[Kind, ...] = ("planar", "spatial")
 
