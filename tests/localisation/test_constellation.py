@@ -194,7 +194,7 @@ def test_more_spots_than_are_searched_are_named_by_the_others():
 def test_the_search_is_bounded():
     rng = np.random.default_rng(13)
     above = ceiling(rng, "random", 300, pitch_for(6))
-    found = look(above, look_up(rng, above, 6, 0), expect=Expectation(most_steps=50))
+    found = look(above, look_up(rng, above, 6, 0), expect=Expectation(most_steps=10))
     assert found.abstained is Abstained.EFFORT
 
 

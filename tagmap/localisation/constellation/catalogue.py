@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagmap.conventions import Array
+from tagmap.conventions import Array, Index
 
 if TYPE_CHECKING:
     from tagmap.localisation.constellation.kernels.sky import Chart
@@ -70,10 +70,22 @@ def _chart(p: Array, cov: Array, reach_m: float) -> "Chart":
         distance.append(away[closest])
         start[a] = count + np.searchsorted(distance[-1], edges)
         count += len(closest)
+    pair, apart = _pairs(near, distance)
     return Chart(
         np.ascontiguousarray(p),
         np.ascontiguousarray(cov),
         start,
         np.concatenate(near),
         np.concatenate(distance),
+        pair,
+        apart,
     )
+
+
+def _pairs(near: list[Index], distance: list[Array]) -> tuple[Index, Array]:
+    """All pairs once, by their distance, from the neighbours of each tag behind an empty list."""
+    a = np.repeat(np.arange(len(near)) - 1, list(map(len, near)))
+    b, apart = np.concatenate(near), np.concatenate(distance)
+    once = np.flatnonzero(a < b)
+    order = once[np.argsort(apart[once], kind="stable")]
+    return np.column_stack([a[order], b[order]]), apart[order]

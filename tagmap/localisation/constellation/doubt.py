@@ -52,7 +52,18 @@ class Hypotheses:
         )
 
 
-def ln_weights(found: Hypotheses, sky: "Sky", expect: Expectation) -> Array:
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Where spots may be: as wide as they span or the frame shows, and as flat as they lie, for
+    flatness tells no place. volume in m^3; ln_tilt: ln of the share of all directions that its
+    normal may have, which an explanation by a room pays as one by a pose does.
+    """
+
+    volume: float
+    ln_tilt: float
+
+
+def ln_weights(found: Hypotheses, room: Room, expect: Expectation) -> Array:
     """ln of the joint density (K,) of spots and assignment under a flat prior of poses.
 
     Each tag gives a spot or misses it, foreign spots are a Poisson process (Mahler 2007, ch. 12).
@@ -60,7 +71,8 @@ def ln_weights(found: Hypotheses, sky: "Sky", expect: Expectation) -> Array:
     matched = (found.tag >= 0).sum(-1)
     weights: Array = found.ln_evidence + matched * math.log(expect.detection)
     weights = weights + found.missed * math.log1p(-expect.detection) - expect.foreign
-    weights += (len(sky.p) - matched) * math.log(expect.foreign / room_of(sky).volume)
+    spots = found.tag.shape[-1]
+    weights += (spots - matched) * math.log(expect.foreign / room.volume)
     return weights
 
 
@@ -73,10 +85,11 @@ def p_rival(found: Hypotheses, ln_weight: Array, best: int) -> float:
     return float(np.exp(special.logsumexp(rivals) - special.logsumexp(ln_weight)))
 
 
-def p_coincidence(catalogue: Catalogue, sky: "Sky", ln_weight: float, expect: Expectation) -> float:
+def p_coincidence(
+    catalogue: Catalogue, sky: "Sky", room: Room, ln_weight: float, expect: Expectation
+) -> float:
     """Given where the first spot is: it may be any tag, the camera turned anyhow about it."""
     n = len(sky.p)
-    room = room_of(sky)
     ln_poses = math.log(len(catalogue) * _ROTATIONS)
     ln_by_chance = (n - 1) * math.log(n / room.volume) - n
     if sky.up[3] > 0.0:
@@ -109,7 +122,12 @@ def p_lookalike(
 
 
 def p_foreign(
-    catalogue: Catalogue, sky: "Sky", found: Hypotheses, best: int, expect: Expectation
+    catalogue: Catalogue,
+    sky: "Sky",
+    room: Room,
+    found: Hypotheses,
+    best: int,
+    expect: Expectation,
 ) -> Array:
     """(N,), 1 for spots without a tag. Other tags for the same spot are rivals, counted there."""
     from tagmap.localisation.constellation.kernels.spots import without_each
@@ -119,7 +137,7 @@ def p_foreign(
     without_each(sky, catalogue.chart, tag, found.T[best], without)
     with np.errstate(over="ignore"):
         density = np.exp(found.ln_evidence[best] - without)
-    other = (1.0 - expect.detection) * expect.foreign / room_of(sky).volume
+    other = (1.0 - expect.detection) * expect.foreign / room.volume
     return np.where(
         (tag >= 0) & np.isfinite(without), other / (other + expect.detection * density), 1.0
     )
@@ -146,17 +164,6 @@ def by_pose(
     other = (1.0 - expect.detection) * expect.foreign / volume + expect.detection * rest
     p: Array = other / (other + expect.detection * density)
     return nearest, p
-
-
-@dataclass(frozen=True, slots=True)
-class Room:
-    """Where spots may be: as wide as they span or the frame shows, and as flat as they lie, for
-    flatness tells no place. volume in m^3; ln_tilt: ln of the share of all directions that its
-    normal may have, which an explanation by a room pays as one by a pose does.
-    """
-
-    volume: float
-    ln_tilt: float
 
 
 def room_of(sky: "Sky") -> Room:

@@ -14,7 +14,7 @@ from scipy import special
 from tagmap.conventions import Array, Index, Mask
 from tagmap.localisation.constellation import doubt
 from tagmap.localisation.constellation.catalogue import Catalogue
-from tagmap.localisation.constellation.doubt import Hypotheses
+from tagmap.localisation.constellation.doubt import Hypotheses, Room
 from tagmap.localisation.constellation.expectation import Expectation, Frame
 from tagmap.localisation.view import NOTHING, Known, as_kernel_arrays
 
@@ -84,6 +84,7 @@ def identify(
 
 def _search(catalogue: Catalogue, sky: "Sky", least: int, expect: Expectation) -> Identity:
     n = len(sky.p)
+    room = doubt.room_of(sky)
     fitting: Hypotheses | None = None
     tried, steps = 0, expect.most_steps
     answer = nameless(n, Abstained.NOWHERE)
@@ -97,7 +98,7 @@ def _search(catalogue: Catalogue, sky: "Sky", least: int, expect: Expectation) -
         if not passed:
             continue
         fitting = found if fitting is None else fitting + found
-        answer, settled = _decide(catalogue, sky, fitting, tried, expect)
+        answer, settled = _decide(catalogue, sky, room, fitting, tried, expect)
         if settled:
             break
     return replace(answer, tried=tried)
@@ -127,16 +128,21 @@ def _all_with(
 
 
 def _decide(
-    catalogue: Catalogue, sky: "Sky", fitting: Hypotheses, tried: int, expect: Expectation
+    catalogue: Catalogue,
+    sky: "Sky",
+    room: Room,
+    fitting: Hypotheses,
+    tried: int,
+    expect: Expectation,
 ) -> tuple[Identity, bool]:
     """The answer so far, and whether more foreign spots cannot change it."""
     n = len(sky.p)
-    weight = doubt.ln_weights(fitting, sky, expect)
+    weight = doubt.ln_weights(fitting, room, expect)
     best = int(np.argmax(weight))
     rival = doubt.p_rival(fitting, weight, best)
     if rival > expect.most_p_false:
         return replace(nameless(n, Abstained.AMBIGUOUS), p_rival=rival), True
-    coincidence = doubt.p_coincidence(catalogue, sky, float(weight[best]), expect)
+    coincidence = doubt.p_coincidence(catalogue, sky, room, float(weight[best]), expect)
     lookalike = doubt.p_lookalike(catalogue, sky, fitting, best, tried, expect)
     chance = replace(
         nameless(n, Abstained.CHANCE),
@@ -147,7 +153,7 @@ def _decide(
     shared = rival + coincidence + lookalike
     if shared > expect.most_p_false:
         return chance, False
-    tag, p_foreign = _named(catalogue, sky, fitting, best, expect)
+    tag, p_foreign = _named(catalogue, sky, room, fitting, best, expect)
     if (tag >= 0).sum() < LEAST_NAMED:
         return chance, False
     p_false = np.where(tag >= 0, np.minimum(shared + p_foreign, 1.0), 1.0)
@@ -158,14 +164,19 @@ def _decide(
 
 
 def _named(
-    catalogue: Catalogue, sky: "Sky", fitting: Hypotheses, best: int, expect: Expectation
+    catalogue: Catalogue,
+    sky: "Sky",
+    room: Room,
+    fitting: Hypotheses,
+    best: int,
+    expect: Expectation,
 ) -> tuple[Index, Array]:
     """Tags (N,) and p_foreign (N,) of matched spots as far as each is certain by itself.
 
     Spots that were too many to be searched are named by the pose of the others.
     """
     tag, T = fitting.tag[best], fitting.T[best]
-    p = doubt.p_foreign(catalogue, sky, fitting, best, expect)
+    p = doubt.p_foreign(catalogue, sky, room, fitting, best, expect)
     if len(tag) > MOST_SEARCHED:
         from tagmap.localisation.constellation.kernels.spots import cov_of
 

@@ -70,7 +70,8 @@ def search(
 ) -> tuple[int, int, int]:
     """Fill `found` from the `depth` spots that tell most; how many passed, were tried, and steps.
 
-    Ends early when more than KEPT pass, or with the tags that `most_steps` let it look at.
+    At least three are placed. Begins with every pair of tags at the distance of the first two that
+    are. Ends early when more than KEPT pass, or with the tags that `most_steps` let it look at.
     """
     n = len(sky.p)
     rank = np.zeros(n, dtype=np.int64)
@@ -78,35 +79,46 @@ def search(
     at = np.full((5, n), SKIPPED)
     # Hot functions get arrays, for a member of a tuple is counted as in use at every access.
     p, start, near, distance = chart.p, chart.start, chart.near, chart.distance
+    pair, apart = chart.pair, chart.apart
     desk = new_desk(n)
     tag = np.full(n, SKIPPED)
-    passed = tried = steps = level = skipped = 0
-    _open(at, limit, start, distance, 0)
-    while level >= 0 and passed <= KEPT and steps < most_steps:
-        a = SKIPPED
-        if level - skipped < depth - skips:
-            a, looked = _next(at, limit, p, near, distance, level)
-            steps += looked
-        if a == SKIPPED:
-            if at[_PASSED_OVER, level] or skipped == skips:
-                level -= 1
-                if level >= 0 and at[_TAG, level] == SKIPPED:
-                    skipped -= 1
-                continue
-            at[_PASSED_OVER, level] = 1
-            skipped += 1
-        at[_TAG, level] = a
-        if level + 1 < depth:
-            level += 1
-            _open(at, limit, start, distance, level)
-            continue
-        tried += 1
-        for k in range(depth):
-            tag[rank[k]] = at[_TAG, k]
-        if _judge(sky, chart, tag, most_chi2, desk, found, passed):
-            passed += 1
-        if a == SKIPPED:
-            skipped -= 1
+    passed = tried = steps = 0
+    for first in range(skips + 1):
+        for second in range(first + 1, skips + 2):
+            at[_TAG, :second] = SKIPPED
+            at_least, at_most = limit[_LOW, first, second], limit[_HIGH, first, second]
+            for k in range(2 * np.searchsorted(apart, at_least), 2 * len(apart)):
+                if apart[k // 2] > at_most or passed > KEPT or steps >= most_steps:
+                    break
+                at[_TAG, first], at[_TAG, second] = pair[k // 2, k % 2], pair[k // 2, 1 - k % 2]
+                level, skipped = second + 1, second - 1
+                steps += 1
+                _open(at, limit, start, distance, level)
+                while level > second and passed <= KEPT and steps < most_steps:
+                    a = SKIPPED
+                    if level - skipped < depth - skips:
+                        a, looked = _next(at, limit, p, near, distance, level)
+                        steps += looked
+                    if a == SKIPPED:
+                        if at[_PASSED_OVER, level] or skipped == skips:
+                            level -= 1
+                            if at[_TAG, level] == SKIPPED:
+                                skipped -= 1
+                            continue
+                        at[_PASSED_OVER, level] = 1
+                        skipped += 1
+                    at[_TAG, level] = a
+                    if level + 1 < depth:
+                        level += 1
+                        _open(at, limit, start, distance, level)
+                        continue
+                    tried += 1
+                    for i in range(depth):
+                        tag[rank[i]] = at[_TAG, i]
+                    if _judge(sky, chart, tag, most_chi2, desk, found, passed):
+                        passed += 1
+                    if a == SKIPPED:
+                        skipped -= 1
     return passed, tried, steps
 
 
@@ -129,8 +141,8 @@ def _limits(sky: Sky, most_variance: float, sigmas: float, rank: Index) -> Array
 
 @compiled
 def _open(at: Index, limit: Array, start: Index, distance: Array, level: int) -> None:
-    """Set out the narrowest ring for the spot at `level`: all tags, where none is placed yet."""
-    anchor, best = -1, np.inf
+    """Set out the narrowest ring for the spot at `level` about a tag that is placed."""
+    anchor, best = 0, np.inf
     for k in range(level):
         if at[_TAG, k] != SKIPPED and limit[_AREA, level, k] < best:
             best = limit[_AREA, level, k]
@@ -138,9 +150,6 @@ def _open(at: Index, limit: Array, start: Index, distance: Array, level: int) ->
     at[_PASSED_OVER, level] = 0
     at[_TAG, level] = SKIPPED
     at[_ANCHOR, level] = anchor
-    if anchor < 0:
-        at[_NOW, level], at[_END, level] = 0, len(start)
-        return
     a = at[_TAG, anchor]
     last = start.shape[1] - 1
     low = limit[_LOW, level, anchor]
@@ -156,18 +165,15 @@ def _next(
     at: Index, limit: Array, p: Array, near: Index, distance: Array, level: int
 ) -> tuple[int, int]:
     """The next tag of the ring that agrees with all that are placed, or SKIPPED; tags looked at."""
-    anchor, looked = at[_ANCHOR, level], 0
-    most = limit[_HIGH, level, anchor] if anchor >= 0 else np.inf
+    looked = 0
+    most = limit[_HIGH, level, at[_ANCHOR, level]]
     for place in range(at[_NOW, level], at[_END, level]):
-        a = place
-        if anchor >= 0:
-            if distance[place] > most:
-                break
-            a = near[place]
+        if distance[place] > most:
+            break
         looked += 1
-        if _agrees(at, limit, p, level, a):
+        if _agrees(at, limit, p, level, near[place]):
             at[_NOW, level] = place + 1
-            return a, looked
+            return near[place], looked
     at[_NOW, level] = at[_END, level]
     return SKIPPED, looked
 

@@ -26,7 +26,7 @@ class Chart(NamedTuple):
     """M tags: p (M, 3) in map with cov (M, 3, 3); pairs sorted by distance for each tag.
 
     The neighbours of tag a are near[start[a, 0]:start[a, -1]] at `distance`, ascending; those from
-    b BUCKET_M on begin at start[a, b].
+    b BUCKET_M on begin at start[a, b]. All pairs, each once: pair (P, 2) at `apart`, ascending.
     """
 
     p: Array
@@ -34,3 +34,5 @@ class Chart(NamedTuple):
     start: Index
     near: Index
     distance: Array
+    pair: Index
+    apart: Array
