@@ -16,7 +16,7 @@ WINDOW_SHARE = 1.0 / 3.0
 """Half the refinement window, as a share of the smallest square seen. The window must not reach
 the next edge: the outermost squares of many boards are cut to half, where a fixed window of the
 usual 11 px moves corners by up to 6 px."""
-SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX = 2, 11
+SMALLEST_WINDOW_PX, CUSTOMARY_WINDOW_PX = 2, 11
 SEARCHED_PX = 1280
 """Larger images are searched at a fraction of their size, as the search takes long; refined in
 full."""
@@ -40,11 +40,27 @@ class Board:
         return f"{self.cols}x{self.rows}"
 
 
-def find_corners(grey: Grey, board: Board, window_px: int | None = None) -> Array | None:
-    """Raw pixels (rows, cols, 2) of all inner corners, or None where the board is not seen whole.
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """All inner corners in one image, raw pixels (rows, cols, 2), refined within `window_px` to
+    each side; `customary_px`: within CUSTOMARY_WINDOW_PX, to see what that would have done."""
 
-    window_px: half the refinement window; by default from the squares.
-    """
+    px: Array
+    window_px: int
+    customary_px: Array
+
+
+def find_corners(grey: Grey, board: Board, window_px: int | None = None) -> Seen | None:
+    """None where the board is not seen whole. window_px: by default from the squares."""
+    rough = _search(grey, board)
+    if rough is None:
+        return None
+    half_px = window_px or _window_px(rough)
+    return Seen(_refine(grey, rough, half_px), half_px, _refine(grey, rough, CUSTOMARY_WINDOW_PX))
+
+
+def _search(grey: Grey, board: Board) -> Array | None:
+    """Corners (rows, cols, 2) to within a few pixels, or None."""
     import cv2
 
     shrink = max(1, -(-max(grey.shape) // SEARCHED_PX))
@@ -54,16 +70,23 @@ def find_corners(grey: Grey, board: Board, window_px: int | None = None) -> Arra
     if not found:
         return None
     # Pixel centres: the centre of the first small pixel is (shrink - 1) / 2 in the large image.
-    corners = (rough * shrink + (shrink - 1) / 2).astype(np.float32)
-    half = window_px or _window_px(corners.reshape(board.rows, board.cols, 2))
+    px = rough.reshape(board.rows, board.cols, 2) * shrink + (shrink - 1) / 2
+    return np.asarray(px, dtype=np.float64)
+
+
+def _refine(grey: Grey, rough: Array, half_px: int) -> Array:
+    """Corners (rows, cols, 2) from the image within `half_px` of where they are about."""
+    import cv2
+
+    corners = rough.reshape(-1, 1, 2).astype(np.float32)
     until = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
-    cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), until)
-    return np.asarray(corners.reshape(board.rows, board.cols, 2), dtype=np.float64)
+    cv2.cornerSubPix(grey, corners, (half_px, half_px), (-1, -1), until)
+    return np.asarray(corners.reshape(rough.shape), dtype=np.float64)
 
 
 def _window_px(corners: Array) -> int:
     steps = [np.linalg.norm(np.diff(corners, axis=axis), axis=-1).min() for axis in (0, 1)]
-    return int(np.clip(WINDOW_SHARE * min(steps), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))
+    return int(np.clip(WINDOW_SHARE * min(steps), SMALLEST_WINDOW_PX, CUSTOMARY_WINDOW_PX))
 
 
 def turned_alike(left: Array, right: Array) -> Array:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from robot_agent.calibration.stereo import CELLS, StereoCalibration, seen_cells
 from tagmap.conventions import Array, Index
 from tagmap.errors import DataError
+from tagmap.records.replacing import replace_file
 
 if TYPE_CHECKING:
     from robot_agent.calibration.fit import View
@@ -38,7 +39,7 @@ def draw(path: Path, calibration: StereoCalibration) -> None:
     small = [cv2.IMWRITE_PNG_COMPRESSION, 9]
     _, encoded = cv2.imencode(".png", np.hstack(panels), small)
     try:
-        path.write_bytes(encoded.tobytes())
+        replace_file(path, encoded.tobytes())
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}") from None
 

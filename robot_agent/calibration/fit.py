@@ -22,11 +22,14 @@ ITERATIONS, TOLERANCE = 100, 1e-9
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The corners of one pair, raw pixels (N, 2) each, in the order of `Board.points`."""
+    """The corners of one pair, raw pixels (N, 2) each, in the order of `Board.points`; the smaller
+    of the windows that refined them; `customary_px` (N, 4), had it been CUSTOMARY_WINDOW_PX."""
 
     name: str
     left_px: Array
     right_px: Array
+    window_px: int
+    customary_px: Array
 
     @property
     def stereo_px(self) -> Array:

@@ -1,8 +1,11 @@
 """From a folder of images to a rig file and a picture: the calibration as the user asks for it."""
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from robot_agent.calibration.board import Board, find_corners, turned_alike
 from robot_agent.calibration.coverage import draw
@@ -98,8 +101,14 @@ def _see_pair(
     if left is None or right is None:
         paths = [p.name for p, c in ((pair.left, left), (pair.right, right)) if c is None]
         return Rejected(pair.name, f"no board of {board} inner corners in {' and '.join(paths)}")
-    right = turned_alike(left, right)
-    return View(pair.name, left.reshape(-1, 2), right.reshape(-1, 2))
+    customary = left.customary_px, turned_alike(left.customary_px, right.customary_px)
+    return View(
+        pair.name,
+        left.px.reshape(-1, 2),
+        turned_alike(left.px, right.px).reshape(-1, 2),
+        min(left.window_px, right.window_px),
+        np.concatenate(customary, axis=-1).reshape(-1, 4),
+    )
 
 
 def picture_of(out: Path) -> Path:
@@ -113,9 +122,11 @@ def require_place(out: Path) -> None:
         raise ConfigError(f"{out}: expected a name that ends in .toml")
     if not out.parent.is_dir():
         raise ConfigError(f"{out}: no folder {out.parent}")
+    if not os.access(out.parent, os.W_OK):
+        raise ConfigError(f"{out}: the folder {out.parent} cannot be written to")
 
 
 def save(calibration: StereoCalibration, out: Path, made: str, by: str) -> None:
-    """Write the rig and, beside it, the picture of its coverage."""
-    write_rig(out, as_record(calibration, made, by), as_remarks(calibration))
+    """Write the picture of the coverage and, beside it and last, the rig."""
     draw(picture_of(out), calibration)
+    write_rig(out, as_record(calibration, made, by), as_remarks(calibration))

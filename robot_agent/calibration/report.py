@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_agent.calibration.board import CUSTOMARY_WINDOW_PX
 from robot_agent.calibration.stereo import StereoCalibration
 from robot_agent.calibration.uncertainty import CAMERA
 from tagmap.geometry.camera import Camera
@@ -66,12 +67,11 @@ def as_contract(calibration: StereoCalibration) -> dict[str, Any]:
     """Names and units as documented in docs/calibration.md."""
     fit, sigma = calibration.fit, calibration.sigmas
     cameras = zip(("left", "right"), (sigma.left, sigma.right), fit.camera_rms_px, strict=True)
-    rms = zip(calibration.views, fit.pair_rms_px, strict=True)
     return {
         "baseline_m": calibration.baseline_m,
         "rms_px": fit.rms_px,
         "sigma_px": fit.rig.sigma_px,
-        "pairs": {view.name: {"left_px": left, "right_px": right} for view, (left, right) in rms},
+        "pairs": _pairs(calibration),
         "rejected": {pair.name: pair.reason for pair in calibration.rejected},
         "cameras": {
             side: {"rms_px": rms_px, "coverage": share, "sigmas": _named(of_camera)}
@@ -84,6 +84,24 @@ def as_contract(calibration: StereoCalibration) -> dict[str, Any]:
         },
         "k3_fitted": fit.fits_k3,
         "notes": calibration.notes,
+    }
+
+
+def _pairs(calibration: StereoCalibration) -> dict[str, dict[str, float]]:
+    rows = zip(
+        calibration.views,
+        calibration.fit.pair_rms_px.tolist(),
+        calibration.customary_rms_px.tolist(),
+        strict=True,
+    )
+    return {
+        view.name: {
+            "left_px": left,
+            "right_px": right,
+            "window_px": view.window_px,
+            f"with_window_{CUSTOMARY_WINDOW_PX}_px": customary,
+        }
+        for view, (left, right), customary in rows
     }
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_agent.calibration.board import Board
+from robot_agent.calibration.board import CUSTOMARY_WINDOW_PX, Board
 from robot_agent.calibration.fit import Fit, View, fit_rig
 from robot_agent.calibration.uncertainty import K3, Sigmas, sigmas
 from tagmap.conventions import Array, Index
@@ -52,6 +52,11 @@ class StereoCalibration:
     def baseline_m(self) -> float:
         return float(np.linalg.norm(self.fit.rig.T_right_left[:3, 3]))
 
+    @property
+    def customary_rms_px(self) -> Array:
+        """(P,) residual of each pair, had its corners been refined in the customary window."""
+        return _customary_rms_px(self.views, self.fit)
+
 
 def calibrate(
     views: Sequence[View], size_px: tuple[int, int], board: Board, missed: Sequence[Rejected] = ()
@@ -77,7 +82,7 @@ def calibrate(
         _coverage([v.left_px for v in kept], size_px),
         _coverage([v.right_px for v in kept], size_px),
     )
-    notes = _notes(fit, sigma, coverage)
+    notes = _notes(fit, sigma, coverage) + _window_notes(kept, fit)
     return StereoCalibration(fit, sigma, kept, rejected, coverage, notes)
 
 
@@ -91,7 +96,7 @@ def _without_bad_pairs(
     while True:
         worst, others = _worst(fit, kept, size_px, board)
         cost_px = _cost_px(fit, others)
-        allowed_px = max(BAD_RATIO * float(np.median(_rms_px(others))), BAD_AT_LEAST_PX)
+        allowed_px = _allowed_px(others)
         if cost_px <= allowed_px:
             return kept, rejected, fit
         view = kept.pop(worst)
@@ -121,6 +126,10 @@ def _cost_px(fit: Fit, others: Fit) -> float:
     however much it alone may determine."""
     squares_px2 = max(fit.squares_px2 - others.squares_px2, 0.0)
     return float(np.sqrt(2.0 * squares_px2 / fit.residual_px[0].size))
+
+
+def _allowed_px(fit: Fit) -> float:
+    return max(BAD_RATIO * float(np.median(_rms_px(fit))), BAD_AT_LEAST_PX)
 
 
 def _rms_px(fit: Fit) -> Array:
@@ -176,6 +185,29 @@ def _notes(fit: Fit, sigma: Sigmas, coverage: tuple[float, float]) -> list[str]:
         if not np.isfinite(undistort(camera, _border_px(camera))).all():
             notes.append(f"{side}: the distortion has no inverse at the image's border")
     return notes
+
+
+def _window_notes(views: Sequence[View], fit: Fit) -> list[str]:
+    """Which pairs are good only because their windows keep to the squares."""
+    rms_px, allowed_px = _customary_rms_px(views, fit), _allowed_px(fit)
+    spared = [
+        f"{view.name} {rms:.2f}"
+        for view, rms in zip(views, rms_px, strict=True)
+        if rms > allowed_px and view.window_px < CUSTOMARY_WINDOW_PX
+    ]
+    if not spared:
+        return []
+    return [
+        f"corners beside narrow squares: windows of the customary {CUSTOMARY_WINDOW_PX} px would"
+        f" leave residuals of {', '.join(spared)} px, expected at most {allowed_px:.2f} px; smaller"
+        " ones were used"
+    ]
+
+
+def _customary_rms_px(views: Sequence[View], fit: Fit) -> Array:
+    moved = np.stack([view.customary_px - view.stereo_px for view in views])
+    rms_px: Array = np.sqrt(2.0 * np.mean((fit.residual_px + moved) ** 2, axis=(1, 2)))
+    return rms_px
 
 
 def _border_px(camera: Camera) -> Array:

@@ -100,11 +100,13 @@ def _show(calibration: "StereoCalibration", files: dict[str, str], as_json: bool
         show_json(contract)
         return
     used = [
-        [name, f"{p['left_px']:.3f}", f"{p['right_px']:.3f}", ""]
-        for name, p in contract["pairs"].items()
+        [name, f"{left:.3f}", f"{right:.3f}", window, f"{customary:.3f}", ""]
+        for name, (left, right, window, customary) in (
+            (name, pair.values()) for name, pair in contract["pairs"].items()
+        )
     ]
-    left_out = [[name, None, None, reason] for name, reason in contract["rejected"].items()]
-    columns = ["pair", "left px", "right px", "left out"]
+    left_out = [[name, *4 * [None], reason] for name, reason in contract["rejected"].items()]
+    columns = ["pair", "left px", "right px", "window", "with 11 px", "left out"]
     show_table("pairs", columns, sorted(used + left_out, key=lambda row: str(row[0])))
     sigmas = contract["sigmas"]
     facts = {

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 
 from tagmap.errors import ConfigError
+from tagmap.records.replacing import replace_file
 from tagmap.records.rig import CameraCalibration, RigCalibration
 from tagmap.records.transform import Transform
 
@@ -58,7 +59,8 @@ def presets() -> list[str]:
 
 
 def write_rig(path: Path, rig: RigCalibration, remarks: Mapping[str, str]) -> None:
-    """Write what read_rig reads. Raises ConfigError where `path` cannot be written.
+    """Write what read_rig reads, replacing the file as a whole. Raises ConfigError where `path`
+    cannot be written, and leaves what was there.
 
     remarks: comments by key ("left.fx_px"), shown behind the value; "" goes on top of the file.
     """
@@ -73,7 +75,7 @@ def write_rig(path: Path, rig: RigCalibration, remarks: Mapping[str, str]) -> No
         lines += ["", f"[{table}]"]
         lines += [_line(k, v, remarks.get(f"{table}.{k}")) for k, v in tree[table].items()]
     try:
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        replace_file(path, ("\n".join(lines) + "\n").encode())
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
 

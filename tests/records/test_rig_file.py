@@ -1,5 +1,7 @@
 """Rig files: presets are good, and whatever is wrong with a file is said with its name and key."""
 
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -87,3 +89,24 @@ def test_written_files_are_read_back(name: str, tmp_path: Path):
     assert "  # sigma 0.3\n" in path.read_text()
     with pytest.raises(ConfigError, match="No such file"):
         write_rig(tmp_path / "no" / "rig.toml", find_rig(name), {})
+
+
+def test_a_rig_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = tmp_path / "rig.toml"
+    write_rig(path, find_rig("thesis"), {})
+    before = path.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "fsync", full)
+        with pytest.raises(ConfigError, match=r"rig\.toml: No space left"):
+            write_rig(path, find_rig("wide-angle"), {})
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+    link = tmp_path / "link.toml"
+    link.symlink_to(path)
+    write_rig(link, find_rig("wide-angle"), {})
+    assert link.is_symlink()
+    assert read_rig(path) == find_rig("wide-angle")

@@ -29,7 +29,7 @@ def make_views() -> Callable[..., list[View]]:
         T_cam_board = poses(rng, count)
         px, _ = project(TRIAL_RIG, se3.act(T_cam_board[:, None], TRIAL_BOARD.points))
         px += sigma_px * rng.standard_normal(px.shape)
-        return [View(f"{i:02d}", p[:, :2], p[:, 2:]) for i, p in enumerate(px, start=1)]
+        return [View(f"{i:02d}", p[:, :2], p[:, 2:], 11, p) for i, p in enumerate(px, start=1)]
 
     return make
 

@@ -24,7 +24,7 @@ def test_corners_are_where_the_forward_model_has_them(seen):
     image, truth = seen
     corners = find_corners(image, TRIAL_BOARD)
     assert corners is not None
-    error = turned_alike(truth, corners) - truth
+    error = turned_alike(truth, corners.px) - truth
     assert np.sqrt(np.mean(error**2)) < 0.08
     assert np.abs(error.mean(axis=(0, 1))).max() < 0.03
 
@@ -34,7 +34,11 @@ def test_a_window_larger_than_the_squares_is_worse(seen):
     image, truth = seen
     fixed = find_corners(image, TRIAL_BOARD, window_px=11)
     assert fixed is not None
-    assert np.abs(turned_alike(truth, fixed) - truth).max() > 1.0
+    assert np.abs(turned_alike(truth, fixed.px) - truth).max() > 1.0
+    own = find_corners(image, TRIAL_BOARD)
+    assert own is not None
+    assert own.window_px < fixed.window_px == 11
+    assert np.array_equal(own.customary_px, fixed.px)
 
 
 def test_large_images_are_searched_small_and_refined_in_full(seen):
@@ -42,7 +46,7 @@ def test_large_images_are_searched_small_and_refined_in_full(seen):
     large = np.kron(image, np.ones((5, 5), np.uint8))
     corners = find_corners(large, TRIAL_BOARD)
     assert corners is not None
-    error = turned_alike(truth, corners) - (5.0 * truth + 2.0)
+    error = turned_alike(truth, corners.px) - (5.0 * truth + 2.0)
     assert np.sqrt(np.mean(error**2)) < 5.0 * 0.12
 
 

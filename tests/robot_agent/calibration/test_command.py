@@ -1,6 +1,7 @@
 """`robot-agent calibrate stereo` on files a user would have, and on wrong ones."""
 
 import json
+import os
 from pathlib import Path
 
 import cv2
@@ -84,6 +85,56 @@ def test_the_wrong_board(some_boards, tmp_path):
         assert larger in line or f"no board of {board} inner corners" in line
 
 
+def exchange(folder: Path, a: str, b: str) -> None:
+    (folder / a).rename(folder / "kept")
+    (folder / b).rename(folder / a)
+    (folder / "kept").rename(folder / b)
+
+
+def shake(folder: Path, name: str) -> None:
+    """The board moved by 9 px while this image was exposed, not while its partner was."""
+    path = str(folder / name)
+    cv2.imwrite(path, cv2.blur(cv2.imread(path, cv2.IMREAD_GRAYSCALE), (9, 1), anchor=(8, 0)))
+
+
+def defocus(folder: Path, pair: str) -> None:
+    for side in ("left", "right"):
+        path = str(folder / f"{side}{pair}.png")
+        cv2.imwrite(path, cv2.GaussianBlur(cv2.imread(path, cv2.IMREAD_GRAYSCALE), (0, 0), 2.0))
+
+
+DAMAGES = {
+    "none": lambda _: None,
+    "left and right exchanged": lambda folder: exchange(folder, "left04.png", "right04.png"),
+    "an image of another pair": lambda folder: (folder / "right04.png").write_bytes(
+        (folder / "right05.png").read_bytes()
+    ),
+    "one image shaken": lambda folder: shake(folder, "right04.png"),
+    "both out of focus": lambda folder: defocus(folder, "04"),
+}
+
+
+@pytest.mark.parametrize("what", DAMAGES)
+def test_the_bad_pair_is_found_and_named_and_no_other(what, some_boards, tmp_path, small_rig):
+    folder = some_boards([1, 2, 4, 5, 6, 7, 8])
+    DAMAGES[what](folder)
+    done = run(folder, tmp_path / "rig.toml", *BOARD, "--json")
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert list(told["rejected"]) == ([] if what == "none" else ["04"])
+    assert all("residual" in reason for reason in told["rejected"].values())
+    baseline_m = np.linalg.norm(small_rig.T_right_left[:3, 3])
+    assert abs(told["baseline_m"] - baseline_m) < 4.0 * told["sigmas"]["baseline_m"]
+
+
+def test_two_right_images_exchanged_are_both_named(some_boards, tmp_path):
+    folder = some_boards([1, 2, 4, 5, 6, 7, 8])
+    exchange(folder, "right04.png", "right05.png")
+    done = run(folder, tmp_path / "rig.toml", *BOARD, "--json")
+    assert done.exit_code == 0, done.output
+    assert sorted(json.loads(done.stdout)["rejected"]) == ["04", "05"]
+
+
 def test_images_without_board(tmp_path):
     for name in ("left01.png", "right01.png"):
         cv2.imwrite(str(tmp_path / name), np.full((240, 320), 90, np.uint8))
@@ -110,9 +161,11 @@ def test_too_few_pairs_no_images_no_partner(some_boards, tmp_path):
     assert "no images left* and right*" in refused(tmp_path, out)
 
 
-def test_where_the_rig_cannot_be_written_is_told_before_the_work(tmp_path):
+def test_where_the_rig_cannot_be_written_is_told_before_the_work(tmp_path, monkeypatch):
     assert "no folder" in refused(tmp_path, tmp_path / "nowhere" / "rig.toml")
     assert "ends in .toml" in refused(tmp_path, tmp_path / "rig.png")
+    monkeypatch.setattr(os, "access", lambda _, mode: mode != os.W_OK)
+    assert "cannot be written to" in refused(tmp_path, tmp_path / "rig.toml")
 
 
 @pytest.mark.parametrize(
@@ -133,13 +186,20 @@ RECORDED = ("--board", "9x6", "--square-m", "0.025", "--json")
 
 @pytest.mark.data
 def test_recorded_boards(recorded_data, tmp_path):
-    """All pairs are good when the window keeps to the squares."""
+    """All pairs are good when the window keeps to the squares; which would not be is told."""
     done = run(recorded_data / "stereo_chessboards", tmp_path / "rig.toml", *RECORDED)
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
+    assert told["rejected"] == {}
     assert len(told["pairs"]) == 13
     assert told["rms_px"] <= 0.22
     assert told["baseline_m"] == pytest.approx(0.0833, abs=0.0003)
+    customary = {name: pair["with_window_11_px"] for name, pair in told["pairs"].items()}
+    assert max(customary, key=lambda name: customary[name]) == "02"
+    assert customary["02"] > 1.0 > 3.0 * told["pairs"]["02"]["left_px"]
+    (note,) = [note for note in told["notes"] if "windows" in note]
+    assert "02 1." in note
+    assert note in (tmp_path / "rig.toml").read_text()
 
 
 @pytest.mark.data
