@@ -9,7 +9,7 @@ import numpy as np
 from robot_agent.perception import gaussian, scan, sift
 from robot_agent.perception.compiled import cached, compiled, inlined
 from robot_agent.perception.flags import Flag
-from robot_agent.perception.scan import TILE_BYTES, TILE_ROWS, peaks, survey
+from robot_agent.perception.scan import peaks, survey
 from robot_agent.perception.sift import noise, starts_at
 from tagmap.conventions import Array, Index
 
@@ -209,7 +209,6 @@ def _compiled(sources: tuple[int, ...]) -> Any:
     @cached
     def spots(
         image: Any,
-        words: Any,
         threshold: float,
         gain: float,
         full_scale: float,
@@ -219,19 +218,18 @@ def _compiled(sources: tuple[int, ...]) -> Any:
     ) -> tuple[Array, Index, float, float, int, bool]:
         """Rows (k, COLUMNS) and flags (k,), noise variance, background, how many peaks, any merged.
 
-        words: see scan.peaks. At most `most` peaks are looked at. All in one compiled function, as
-        calls from Python cost as much as a spot.
+        At most `most` peaks are looked at. All in one compiled function, as calls from Python cost
+        as much as a spot.
         """
         _ = sources
         background, variance = survey(image)
         sensor = Sensor(variance, background.mean(), gain, full_scale, sigma_least, sigma_most)
         found = np.empty((_FEW, 2), np.int64)
-        n = peaks(image, words, background, threshold * math.sqrt(variance), found)
+        n = peaks(image, background, threshold * math.sqrt(variance), found)
         if n > _FEW:
             found = np.empty((most, 2), np.int64)
-            n = peaks(image, words, background, threshold * math.sqrt(variance), found)
-        tile = (TILE_ROWS, TILE_BYTES // image.itemsize)
-        starts, flags = starts_at(image, background, tile, sensor, found[: min(n, most)])
+            n = peaks(image, background, threshold * math.sqrt(variance), found)
+        starts, flags = starts_at(image, background, sensor, found[: min(n, most)])
         crowd(image, sensor, starts, flags)
         rows = measure(image, sensor, starts, flags)
         kept, merged = 0, False

@@ -1,8 +1,8 @@
 """Where an image may hold a spot: compiled, one pass over all pixels.
 
-An image without anything bright costs little more than reading it: eight bytes at a time are
-compared with the threshold of their tile, and only a block that holds something above it is looked
-at pixel by pixel.
+An image without anything bright costs little more than reading it: of each row only the brightest
+pixel is asked for, which takes one instruction for as many pixels as the processor can hold, and
+only a block that holds something above its threshold is looked at closer.
 """
 
 from typing import Any
@@ -12,12 +12,12 @@ import numpy as np
 from robot_agent.perception.compiled import compiled, inlined
 from tagmap.conventions import Array, Index
 
-TILE_BYTES = 256
+TILE_PX = 256
 TILE_ROWS = 128
-BAND_ROWS = 8
-"""Rows that are compared at once; divides TILE_ROWS."""
 
-_WORDS = TILE_BYTES // 8
+_BAND_ROWS = 8
+"""Of a block: a byte has a bit for each. Divides TILE_ROWS."""
+
 _PLACES = 5
 _RUN_PX = 16
 _LEAST_VARIANCE = 1.0 / 12.0
@@ -33,8 +33,7 @@ def survey(image: Any) -> tuple[Array, float]:
     that covers two of them move it. Noise is the scatter within runs, those with an edge left out.
     """
     height, width = image.shape
-    tile_px = TILE_BYTES // image.itemsize
-    rows, columns = -(-height // TILE_ROWS), -(-width // tile_px)
+    rows, columns = -(-height // TILE_ROWS), -(-width // TILE_PX)
     background = np.empty((rows, columns))
     scatter = np.empty(rows * columns * _PLACES)
     means = np.empty(_PLACES)
@@ -44,8 +43,8 @@ def survey(image: Any) -> tuple[Array, float]:
         top = row * TILE_ROWS
         step_y = min(TILE_ROWS, height - top) // 8
         for column in range(columns):
-            left = column * tile_px
-            step_x = max(min(tile_px, width - left) - _RUN_PX, 0) // 4
+            left = column * TILE_PX
+            step_x = max(min(TILE_PX, width - left) - _RUN_PX, 0) // 4
             least = np.inf
             for place in range(_PLACES):
                 # A quincunx: four corners and the centre.
@@ -90,118 +89,103 @@ def _without_outliers(values: Array, mean: float) -> float:
 
 
 @compiled
-def peaks(image: Any, words: Any, background: Array, excess: float, found: Index) -> int:
+def peaks(image: Any, background: Array, excess: float, found: Index) -> int:
     """Rows and columns of 5x5 maxima that exceed their background by `excess`, into found (n, 2).
 
-    image (height, width); words (height, n): the same memory, eight bytes each, possibly with a
-    margin on the right. Returns how many there are, which may be more than `found` holds.
+    Returns how many there are, which may be more than `found` holds.
     """
-    height, columns = image.shape[0], background.shape[1]
-    lanes = 8 // image.itemsize
-    high = np.uint64(0x8080808080808080 if lanes == 8 else 0x8000800080008000)
-    tests = _tests(background, excess, 64 // lanes, high)
-    bright, marked = np.empty(columns, np.uint64), np.empty(_WORDS, np.uint64)
+    thresholds = _thresholds(image, background, excess)
+    bright = _bright_blocks(image, thresholds)
+    eights = np.empty(TILE_PX // 8, np.uint64)
+    crests = eights.view(np.uint8)
     n = 0
-    for top in range(0, height, BAND_ROWS):
-        test = tests[top // TILE_ROWS]
-        _mark_tiles(words, top, test, ~high, bright)
-        for column in range(columns):
-            if bright[column] & high:
-                n = _peaks_of_block(image, words, top, column, test[column], high, marked, found, n)
+    for band in range(bright.shape[0]):
+        for column in range(bright.shape[1]):
+            if bright[band, column]:
+                top, left = band * _BAND_ROWS, column * TILE_PX
+                least = thresholds[top // TILE_ROWS, column]
+                n = _peaks_of_block(image, top, left, least, eights, crests, found, n)
     return n
 
 
 @compiled
-def _tests(background: Array, excess: float, bits: int, high: Any) -> Any:
-    """Of each tile (rows, columns, 3): what _above needs, and the threshold itself.
-
-    A lane is at or above the threshold when adding the complement carries into its high bit. The
-    sum is made without the high bits, which are then put back: where the threshold has none, a
-    high bit in the lane `or` in the sum decides, else it has to be in both.
-    """
-    tests = np.empty((*background.shape, 3), np.uint64)
-    ones = high >> np.uint64(bits - 1)
+def _thresholds(image: Any, background: Array, excess: float) -> Any:
+    """Least bright grey level of each tile, in the type of the image."""
+    thresholds = np.empty(background.shape, image.dtype)
+    full_scale = (1 << 8 * image.itemsize) - 1
     for row in range(background.shape[0]):
         for column in range(background.shape[1]):
             # Full scale itself is always bright enough.
-            threshold = min(int(background[row, column] + excess) + 1, (1 << bits) - 1)
-            small = threshold <= 1 << (bits - 1)
-            tests[row, column, 0] = ones * np.uint64(
-                (1 << (bits - 1 if small else bits)) - threshold
-            )
-            tests[row, column, 1] = ~np.uint64(0) if small else np.uint64(0)
-            tests[row, column, 2] = threshold
-    return tests
-
-
-@inlined
-def _above(word: Any, low: Any, add: Any, either: Any) -> Any:
-    """Has the high bit of those lanes set that are at or above the threshold; others anyhow."""
-    return (((word & low) + add) | (word & either)) & (word | either)
+            thresholds[row, column] = min(int(background[row, column] + excess) + 1, full_scale)
+    return thresholds
 
 
 @compiled
-def _mark_tiles(words: Any, top: int, test: Any, low: Any, bright: Any) -> None:
-    """Which tiles of a band hold something at or above their threshold."""
-    last = words.shape[0] - 1
-    r0, r1 = words[top], words[min(top + 1, last)]
-    r2, r3 = words[min(top + 2, last)], words[min(top + 3, last)]
-    r4, r5 = words[min(top + 4, last)], words[min(top + 5, last)]
-    r6, r7 = words[min(top + 6, last)], words[min(top + 7, last)]
-    for column in range(len(bright)):
-        add, either = test[column, 0], test[column, 1]
-        # The last tile may reach back into the one before, so that all are of one length.
-        start = min(column * _WORDS, words.shape[1] - _WORDS)
-        s0, s1 = r0[start : start + _WORDS], r1[start : start + _WORDS]
-        s2, s3 = r2[start : start + _WORDS], r3[start : start + _WORDS]
-        s4, s5 = r4[start : start + _WORDS], r5[start : start + _WORDS]
-        s6, s7 = r6[start : start + _WORDS], r7[start : start + _WORDS]
-        hit = np.uint64(0)
-        for k in range(_WORDS):
-            hit |= _above(s0[k], low, add, either) | _above(s1[k], low, add, either)
-            hit |= _above(s2[k], low, add, either) | _above(s3[k], low, add, either)
-            hit |= _above(s4[k], low, add, either) | _above(s5[k], low, add, either)
-            hit |= _above(s6[k], low, add, either) | _above(s7[k], low, add, either)
-        bright[column] = hit
+def _bright_blocks(image: Any, thresholds: Any) -> Any:
+    """Which blocks (bands, tile columns) hold something at or above the threshold of their tile."""
+    height, width = image.shape
+    bright = np.zeros((-(-height // _BAND_ROWS), thresholds.shape[1]), np.bool_)
+    for tile_row in range(thresholds.shape[0]):
+        threshold = thresholds[tile_row]
+        least = threshold.min()
+        for y in range(tile_row * TILE_ROWS, min((tile_row + 1) * TILE_ROWS, height)):
+            row = image[y]
+            if _brightest(row) < least:
+                continue
+            for column in range(len(threshold)):
+                left = column * TILE_PX
+                if _brightest(row[left : min(left + TILE_PX, width)]) >= threshold[column]:
+                    bright[y // _BAND_ROWS, column] = True
+    return bright
+
+
+@inlined
+def _brightest(pixels: Any) -> Any:
+    most = pixels[0]
+    for x in range(len(pixels)):
+        most = max(most, pixels[x])
+    return most
 
 
 @compiled
 def _peaks_of_block(
     image: Any,
-    words: Any,
     top: int,
-    column: int,
-    test: Any,
-    high: Any,
-    marked: Any,
+    left: int,
+    threshold: Any,
+    eights: Any,
+    crests: Any,
     found: Index,
     n: int,
 ) -> int:
-    """Add the peaks of one tile's part of a band to the n that there are."""
-    bottom = min(top + BAND_ROWS, words.shape[0])
-    start = min(column * _WORDS, words.shape[1] - _WORDS)
-    lanes = 8 // image.itemsize
-    add, either = test[0], test[1]
-    marked[:] = 0
-    for y in range(top, bottom):
-        row = words[y, start : start + _WORDS]
-        for k in range(_WORDS):
-            marked[k] |= _above(row[k], ~high, add, either)
-    threshold = int(test[2])
-    for k in range(column * _WORDS - start, _WORDS):
-        if marked[k] & high == 0:
+    """Add the peaks of one block to the n that there are.
+
+    crests: room for a byte per column, whose bits say in which rows it is no darker than above and
+    below. eights: the same memory, eight at a time.
+    """
+    height, width = image.shape
+    right = min(left + TILE_PX, width)
+    eights[:] = 0
+    for k in range(min(_BAND_ROWS, height - top)):
+        y = top + k
+        row, above = image[y, left:right], image[max(y - 1, 0), left:right]
+        below = image[min(y + 1, height - 1), left:right]
+        bit = np.uint8(1 << k)
+        for x in range(len(row)):
+            crest = (row[x] >= threshold) & (row[x] >= above[x]) & (row[x] >= below[x])
+            crests[x] |= bit if crest else np.uint8(0)
+    for i in range(len(eights)):
+        if eights[i] == 0:
             continue
-        left = (start + k) * lanes
-        right = min(left + lanes, image.shape[1])
-        for y in range(top, bottom):
-            if _above(words[y, start + k], ~high, add, either) & high == 0:
-                continue
-            for x in range(left, right):
-                if image[y, x] >= threshold and _is_peak(image, y, x):
+        for x in range(8 * i, 8 * i + 8):
+            rows, y = crests[x], top
+            while rows:
+                if rows & 1 and _is_peak(image, y, left + x):
                     if n < found.shape[0]:
-                        found[n, 0] = y
-                        found[n, 1] = x
+                        found[n, 0], found[n, 1] = y, left + x
                     n += 1
+                rows >>= 1
+                y += 1
     return n
 
 

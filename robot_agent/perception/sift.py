@@ -11,6 +11,7 @@ import numpy as np
 
 from robot_agent.perception.compiled import compiled
 from robot_agent.perception.flags import Flag
+from robot_agent.perception.scan import TILE_PX, TILE_ROWS
 from tagmap.conventions import Array, Index
 
 RING_PX = 5
@@ -38,11 +39,11 @@ def noise(sensor: Any, level: float) -> float:
 
 @compiled
 def starts_at(
-    image: Any, background: Array, tile: Any, sensor: Any, peaks: Index
+    image: Any, background: Array, sensor: Any, peaks: Index
 ) -> tuple[Array, Index]:
     """Of n peaks (row, column): starts (k, 4) as u, v, variance q, level; and flags (k,).
 
-    tile: its (rows, columns) in px. Noise is left out, a lamp appears once.
+    Noise is left out, a lamp appears once.
     """
     n = peaks.shape[0]
     starts, flags = np.empty((n, 4)), np.empty(n, np.int64)
@@ -51,7 +52,7 @@ def starts_at(
     kept = 0
     for k in range(n):
         y, x = peaks[k, 0], peaks[k, 1]
-        dark = background[y // tile[0], x // tile[1]]
+        dark = background[y // TILE_ROWS, x // TILE_PX]
         level = _surroundings(image, y, x, ring)
         sigma = math.sqrt(noise(sensor, level))
         contrast = image[y, x] - level > _CONTRAST * sigma

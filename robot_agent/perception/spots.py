@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from robot_agent.perception import crowds, measure
 from robot_agent.perception.flags import REFUSED
-from robot_agent.perception.scan import TILE_BYTES
 from tagmap.conventions import Array, Index, Mask
 
 Image: TypeAlias = npt.NDArray[Any]
@@ -87,7 +86,7 @@ def detect(image: Image, optics: Optics = Optics()) -> Spots:
         image = np.ascontiguousarray(image, image.dtype.newbyteorder("="))
     full_scale = float(optics.full_scale or (1 << 8 * image.itemsize) - 1)
     rows, flags, variance, background, n, merged = measure.spots(
-        image, _words(image), optics.threshold, optics.gain, full_scale, *optics.sigma_px, MOST
+        image, optics.threshold, optics.gain, full_scale, *optics.sigma_px, MOST
     )
     if merged:
         sensor = measure.Sensor(variance, background, optics.gain, full_scale, *optics.sigma_px)
@@ -103,12 +102,3 @@ def _check(image: Image) -> None:
         height, width = image.shape
         raise ValueError(f"image is {width}x{height} px, expected at least {LEAST_SIDE_PX} a side")
 
-
-def _words(image: Image) -> npt.NDArray[np.uint64]:
-    """The rows as eight bytes each, in place unless a row is short or ends amid a word."""
-    height, row_bytes = len(image), image.shape[1] * image.itemsize
-    if row_bytes % 8 == 0 and row_bytes >= TILE_BYTES:
-        return image.view(np.uint64)
-    padded = np.zeros((height, max(-(-row_bytes // 8) * 8, TILE_BYTES)), np.uint8)
-    padded[:, :row_bytes] = image.view(np.uint8)
-    return padded.view(np.uint64)
