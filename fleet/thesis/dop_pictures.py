@@ -1,0 +1,141 @@
+"""Pictures of figures 4-5 to 4-9 and of the danger cylinder, drawn from the numbers alone."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fleet.thesis.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    SERIES,
+    VERMILION,
+    compare,
+    legend_below,
+    log_ticks,
+    picture,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LABELS = {
+    "pdop": "PDOP, mm per mm",
+    "odop_deg_per_mm": "ODOP, degrees per mm",
+    "ppdop_mm_per_px": "PPDOP, mm per px",
+    "podop_deg_per_px": "PODOP, degrees per px",
+}
+_TILT = "tilt, degrees"
+
+
+def draw_curves(path: Path, data: dict[str, Any]) -> None:
+    """Position and axis over tilt: the bound as a line, both methods as marks on it."""
+    curves = data["curves"]
+
+    def draw(figure: "Figure", panels: list["Axes"]) -> None:
+        for axes, side in zip(panels, (0, 1), strict=True):
+            for curve, colour in zip(curves, SERIES, strict=False):
+                name = curve["names"][side]
+                lines = curve["bound"], curve["thesis_method"], curve["ours"]
+                values = (lines[0][name], lines[1][name], lines[2][name])
+                compare(axes, curve["tilt_deg"], values, colour, _name(curve, curves))
+            _peaks(axes, curves)
+            axes.set(xlabel=_TILT, ylabel=LABELS[curves[0]["names"][side]], yscale="log")
+            axes.set_xlim(3.0, 82.0)
+            log_ticks(axes)
+        legend_below(figure, panels[0], 3)
+
+    picture(path, 2, draw, (8.0, 4.2 + 0.1 * len(curves)))
+
+
+def _name(curve: dict[str, Any], curves: list[dict[str, Any]]) -> str:
+    size = f"{curve['r_mm']:g}/{curve['R_mm']:g}"
+    sigma = f"{curve['sigma']:g} {curve['unit']}"
+    if len({c["sigma"] for c in curves}) > 1:
+        return sigma
+    return f"r/R {size}" if len(curves) > 1 else f"r/R {size}, {sigma}"
+
+
+def _peaks(axes: "Axes", curves: list[dict[str, Any]]) -> None:
+    from math import asin, degrees
+
+    for ratio in sorted({c["r_mm"] / c["R_mm"] for c in curves}):
+        peak = degrees(asin(ratio))
+        if peak > curves[0]["tilt_deg"][-1]:
+            continue
+        axes.axvline(peak, color=GREY, linestyle=":", linewidth=1.1, zorder=0)
+        axes.annotate(
+            f"asin(r/R) = {peak:.1f}°",
+            (peak, 1.0),
+            (3, -2),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            va="top",
+            fontsize=7.5,
+            color=GREY,
+        )
+
+
+def draw_danger(path: Path, data: dict[str, Any]) -> None:
+    """PDOP with the distance to the cylinder over the same tilts; one by the other; the cures."""
+
+    def draw(_figure: "Figure", panels: list["Axes"]) -> None:
+        _over_tilt(panels[0], data["curves"][1])
+        _by_distance(panels[1], data["curves"])
+        _cures(panels[2], data["cures"])
+
+    picture(path, 3, draw, (11.0, 4.0))
+
+
+def _over_tilt(axes: "Axes", curve: dict[str, Any]) -> None:
+    tilt = curve["tilt_deg"]
+    axes.plot(tilt, curve["pdop"], color=BLUE)
+    axes.set(xlabel=_TILT, yscale="log")
+    axes.set_ylabel("PDOP, mm per mm (line)", color=BLUE)
+    log_ticks(axes)
+    other = axes.twinx()
+    other.plot(tilt, curve["danger_cylinder_mm"], color=VERMILION, linestyle="--")
+    other.set_ylabel("distance to the danger cylinder, mm (dashed)", color=VERMILION)
+    other.set_ylim(0.0)
+    other.grid(False)
+    other.spines["right"].set_visible(True)
+    axes.axvline(curve["peak_deg"], color=GREY, linestyle=":", linewidth=1.1)
+    axes.set_title(f"r/R = {curve['r_mm']:g}/{curve['R_mm']:g}: peak where it is 0")
+
+
+def _by_distance(axes: "Axes", curves: list[dict[str, Any]]) -> None:
+    for curve, colour in zip(curves, SERIES, strict=True):
+        for inside, style in ((True, "-"), (False, "--")):
+            points = [
+                (distance, dop)
+                for distance, dop, tilt in zip(
+                    curve["danger_cylinder_mm"], curve["pdop"], curve["tilt_deg"], strict=True
+                )
+                if (tilt < curve["peak_deg"]) == inside and distance > 0.5
+            ]
+            if not points:
+                continue
+            side = "inside" if inside else "outside"
+            label = f"{curve['r_mm']:g}/{curve['R_mm']:g}, {side}"
+            axes.plot(*zip(*points, strict=True), color=colour, linestyle=style, label=label)
+    axes.plot([1.0, 30.0], [2000.0, 2000.0 / 30.0], color=GREY, linewidth=0.9)
+    axes.text(1.2, 350.0, "1 / distance", color=GREY, fontsize=8.0)
+    axes.set(xscale="log", yscale="log")
+    axes.set(xlabel="distance to the danger cylinder, mm", ylabel="PDOP, mm per mm")
+    axes.set_title("One by the distance, on both sides")
+    axes.legend(loc="upper right")
+    log_ticks(axes)
+
+
+def _cures(axes: "Axes", cures: dict[str, Any]) -> None:
+    lines = (
+        ("three_tags_one_image", "three tags, one image", BLUE, "-"),
+        ("four_tags_one_image", "four tags, one image", GREEN, "--"),
+        ("three_tags_two_images", "three tags, two images", VERMILION, "-."),
+    )
+    for name, label, colour, style in lines:
+        axes.plot(cures["tilt_deg"], cures[name], color=colour, linestyle=style, label=label)
+    axes.set(xlabel=_TILT, ylabel="PDOP, mm per mm", yscale="log")
+    axes.set_title("What takes the peak away")
+    axes.legend(loc="upper right")
+    log_ticks(axes)
