@@ -1,0 +1,1 @@
+"""What a pose promises when tags may be wrong: hypotheses, exclusion, protection level."""
