@@ -33,11 +33,13 @@ _SETTING = (
 
 def figure_4_5(effort: Effort, seed: int) -> Section:
     once, thrice = (curve(case, effort.trials, seed) for case in (AT_1MM, AT_3MM))
+    beside = theirs, ours, lost, false = _beside_the_bound([once, thrice])
     claims = (
         _ratio("PDOP with 3 mm by PDOP with 1 mm, thesis's method", once, thrice, "pdop", 1.0),
         _ratio("ODOP, likewise", once, thrice, "odop_deg_per_mm", 1.0),
         *_peak(AT_1MM),
-        *_beside_the_bound([once, thrice]),
+        _round_the_circle(once),
+        *beside,
         Claim(
             "PDOP with 3 mm by PDOP with 1 mm next to the peak, thesis's method",
             "not noticed",
@@ -51,6 +53,10 @@ def figure_4_5(effort: Effort, seed: int) -> Section:
         "Figure 4-5: PDOP and ODOP with tags off by 1 mm and by 3 mm",
         "The two curves are almost the same: errors of the pose grow in proportion to those of the "
         "tags. One peak at about 42 degrees, not explained.",
+        "Three tags in one image are six equations for six unknowns, so every exact method makes "
+        f"the same error: the thesis's {theirs.found:.2f}, ours {ours.found:.2f} times the bound, "
+        f"away from the peak. Next to it Newton's method finds no pose in up to {lost.found:.0f} % "
+        f"of the views; of our poses {false.found:.0f} are wrong without a flag.",
         [once, thrice],
         claims,
     )
@@ -58,16 +64,15 @@ def figure_4_5(effort: Effort, seed: int) -> Section:
 
 def figure_4_6(effort: Effort, seed: int) -> Section:
     once, twice = (curve(case, effort.trials, seed) for case in (AT_1MM, TWICE))
+    position = _ratio("PDOP at 2000/3000 by PDOP at 1000/1500", once, twice, "pdop", 1.0)
+    axis = _ratio("ODOP, likewise", once, twice, "odop_deg_per_mm", 0.5)
     return _section(
         "figure_4_6",
         "Figure 4-6: PDOP and ODOP at the same r/R",
         "With r and R doubled PDOP stays and ODOP halves.",
+        f"PDOP becomes {position.found:.2f}, ODOP {axis.found:.2f} times as large.",
         [once, twice],
-        (
-            _ratio("PDOP at 2000/3000 by PDOP at 1000/1500", once, twice, "pdop", 1.0),
-            _ratio("ODOP, likewise", once, twice, "odop_deg_per_mm", 0.5),
-            *_beside_the_bound([once, twice]),
-        ),
+        (position, axis, *_beside_the_bound([once, twice])),
     )
 
 
@@ -75,28 +80,19 @@ def figure_4_7(effort: Effort, seed: int) -> Section:
     pixels, tags = (curve(case, effort.trials, seed) for case in (AT_1PX, AT_1MM))
     eps = effective_pixel_mm(AT_1PX.R_mm)
     by_tags, by_pixels = (fine(case)[1] for case in (AT_1MM, AT_1PX))
-    share = _finite(by_tags[:, 0] * eps / by_pixels[:, 0])
-    angles = _finite(by_tags[:, 1] * eps / by_pixels[:, 1])
+    least, most = _range("PDOP EPS / PPDOP over the sweep", by_tags[:, 0] * eps / by_pixels[:, 0])
     return _section(
         "figure_4_7",
         "Figure 4-7: PPDOP and PODOP with pixels off by 1 px",
         "The same shape as figure 4-5: PDOP is about PPDOP / EPS, ODOP about PODOP / EPS (4.29), "
         "EPS being the millimetres that a pixel takes at the tags.",
+        f"PDOP is {least.found:.2f} to {most.found:.2f} times PPDOP / EPS.",
         [pixels],
         (
             Claim("EPS at R = 1500 mm", "0.95 pixel/mm", 1.0 / eps, "px/mm", True),
-            Claim(
-                "PDOP EPS / PPDOP over the sweep, least", "about 1", float(share.min()), "1", None
-            ),
-            Claim(
-                "PDOP EPS / PPDOP over the sweep, most", "about 1", float(share.max()), "1", None
-            ),
-            Claim(
-                "ODOP EPS / PODOP over the sweep, least", "about 1", float(angles.min()), "1", None
-            ),
-            Claim(
-                "ODOP EPS / PODOP over the sweep, most", "about 1", float(angles.max()), "1", None
-            ),
+            least,
+            most,
+            *_range("ODOP EPS / PODOP over the sweep", by_tags[:, 1] * eps / by_pixels[:, 1]),
             *_peak(AT_1PX),
             *_beside_the_bound([pixels]),
         ),
@@ -106,16 +102,15 @@ def figure_4_7(effort: Effort, seed: int) -> Section:
 
 def figure_4_8(effort: Effort, seed: int) -> Section:
     once, twice = (curve(case, effort.trials, seed) for case in (AT_1PX, TWICE_1PX))
+    position = _ratio("PPDOP at 2000/3000 by 1000/1500", once, twice, "ppdop_mm_per_px", 2.0)
+    axis = _ratio("PODOP, likewise", once, twice, "podop_deg_per_px", 1.0)
     return _section(
         "figure_4_8",
         "Figure 4-8: PPDOP and PODOP at the same r/R",
         "With r and R doubled PPDOP doubles and PODOP stays.",
+        f"PPDOP becomes {position.found:.2f}, PODOP {axis.found:.2f} times as large.",
         [once, twice],
-        (
-            _ratio("PPDOP at 2000/3000 by 1000/1500", once, twice, "ppdop_mm_per_px", 2.0),
-            _ratio("PODOP, likewise", once, twice, "podop_deg_per_px", 1.0),
-            *_beside_the_bound([once, twice]),
-        ),
+        (position, axis, *_beside_the_bound([once, twice])),
     )
 
 
@@ -123,11 +118,14 @@ def figure_4_9(effort: Effort, seed: int) -> Section:
     cases = (WIDE, AT_1MM, NARROW)
     curves = [curve(case, effort.trials, seed) for case in cases]
     medians = [float(np.median(c["bound"]["pdop"])) for c in curves]
+    peaks = [claim for case in cases for claim in _peak(case)]
     return _section(
         "figure_4_9",
         "Figure 4-9: PDOP and ODOP at r/R of 1000/1000, 1000/1500 and 1000/2600",
         "A smaller r/R makes all errors larger. Each curve has a peak near asin(r/R), which the "
         "thesis finds by trial and leaves unexplained.",
+        f"The median PDOP grows from {medians[0]:.1f} to {medians[2]:.1f}; the peaks are at "
+        f"{peaks[1].found:.1f} and {peaks[2].found:.1f} degrees, the third beyond the sweep.",
         curves,
         (
             *(
@@ -140,7 +138,7 @@ def figure_4_9(effort: Effort, seed: int) -> Section:
                 )
                 for c, median in zip(cases, medians, strict=True)
             ),
-            *(claim for case in cases for claim in _peak(case)),
+            *peaks,
             *_beside_the_bound(curves),
         ),
     )
@@ -159,19 +157,25 @@ def _section(
     key: Key,
     title: str,
     reported: str,
+    finding: str,
     curves: list[dict[str, Any]],
     claims: tuple[Claim, ...],
     more: dict[str, Any] | None = None,
 ) -> Section:
-    return Section(key, title, reported, _SETTING, claims, {"curves": curves, **(more or {})})
+    data = {"curves": curves, **(more or {})}
+    return Section(key, title, reported, finding, _SETTING, claims, data)
 
 
 def _first_order(curve: dict[str, Any]) -> Mask:
     return np.array(curve["first_order"], dtype=bool)
 
 
-def _finite(values: Array) -> Array:
-    return values[np.isfinite(values)]
+def _range(what: str, ratio: Array) -> tuple[Claim, Claim]:
+    finite = ratio[np.isfinite(ratio)]
+    return (
+        Claim(f"{what}, least", "about 1", float(finite.min()), "1", None),
+        Claim(f"{what}, most", "about 1", float(finite.max()), "1", None),
+    )
 
 
 def _ratio(
@@ -197,11 +201,19 @@ def _peak(case: Case) -> tuple[Claim, ...]:
     return (Claim(name, f"asin(r/R) = {expected:.2f}", at, "degrees", bool(holds)),)
 
 
+def _round_the_circle(curve: dict[str, Any]) -> Claim:
+    bound = curve["bound"]
+    share = np.array(bound["pdop_spread"]) / np.array(bound["pdop"])
+    most = 100.0 * float(share[_first_order(curve)].max())
+    what = "spread of the PDOP over the pan angles, at most, away from the peak"
+    return Claim(what, "close to each other", most, "%", most < 10.0)
+
+
 def _at_worst(curve: dict[str, Any], name: str) -> float:
     return float(curve["thesis_method"][name][int(np.argmax(curve["bound"][name]))])
 
 
-def _beside_the_bound(curves: list[dict[str, Any]]) -> tuple[Claim, ...]:
+def _beside_the_bound(curves: list[dict[str, Any]]) -> tuple[Claim, Claim, Claim, Claim]:
     def whole(method: str) -> float:
         ratios = []
         for c in curves:

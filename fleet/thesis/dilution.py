@@ -22,6 +22,7 @@ LEFT_ONLY = np.tile([True, False], (3, 1))
 _EXACT_PX = 0.02
 """What ours is told of exact pixels: small beside errors of the tags, yet not nothing."""
 _FINE_DEG = 0.05
+_DRAWN = 4
 _FIRST_ORDER = 0.1
 """Of the distance from the danger cylinder: with larger errors the bound is no bound any more."""
 _BELIEVABLE = 53.0
@@ -81,6 +82,7 @@ def _curve(case: Case, trials: int, seed: int) -> dict[str, Any]:
         "danger_cylinder_mm": distance_mm.tolist(),
         "first_order": (expected_mm < _FIRST_ORDER * distance_mm).tolist(),
         "bound": _columns(case, exact.mean(1), exact.std(1)),
+        "bound_line": line(case),
         "thesis_method": _trials_of(case, [row.thesis for row in rows]),
         "ours": _trials_of(case, [row.ours for row in rows]),
         **facts,
@@ -137,6 +139,15 @@ def fine(case: Case) -> tuple[Array, Array]:
     tilt_deg = np.arange(TILTS_DEG[0], TILTS_DEG[-1] + 1e-9, _FINE_DEG)
     T = np.stack([circle(case.R_mm / MM, tilt, 8) for tilt in tilt_deg])
     return tilt_deg, bound(case, T).mean(axis=1)
+
+
+def line(case: Case) -> dict[str, list[float]]:
+    """Of the fine bound what a picture needs."""
+    tilt_deg, bound = fine(case)
+    columns = {name: bound[::_DRAWN, i].tolist() for i, name in enumerate(case.names)}
+    distance_mm = danger_distance_mm(case, tilt_deg[::_DRAWN])
+    tilts = {"tilt_deg": tilt_deg[::_DRAWN].tolist(), "danger_cylinder_mm": distance_mm.tolist()}
+    return tilts | columns
 
 
 def _noisy(rng: np.random.Generator, case: Case, T: Array) -> tuple[Array, Array]:

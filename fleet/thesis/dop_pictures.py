@@ -34,18 +34,19 @@ def draw_curves(path: Path, data: dict[str, Any]) -> None:
 
     def draw(figure: "Figure", panels: list["Axes"]) -> None:
         for axes, side in zip(panels, (0, 1), strict=True):
+            name = curves[0]["names"][side]
             for curve, colour in zip(curves, SERIES, strict=False):
-                name = curve["names"][side]
-                lines = curve["bound"], curve["thesis_method"], curve["ours"]
-                values = (lines[0][name], lines[1][name], lines[2][name])
-                compare(axes, curve["tilt_deg"], values, colour, _name(curve, curves))
+                marks = (curve["thesis_method"][name], curve["ours"][name])
+                line = (curve["bound_line"]["tilt_deg"], curve["bound_line"][name])
+                compare(axes, line, curve["tilt_deg"], marks, colour, _name(curve, curves))
             _peaks(axes, curves)
-            axes.set(xlabel=_TILT, ylabel=LABELS[curves[0]["names"][side]], yscale="log")
+            axes.set(xlabel=_TILT, ylabel=LABELS[name], yscale="log")
             axes.set_xlim(3.0, 82.0)
+            axes.set_ylim(top=2.5 * max(max(curve["bound"][name]) for curve in curves))
             log_ticks(axes)
-        legend_below(figure, panels[0], 3)
+        legend_below(figure, panels[0], len(curves) + 1)
 
-    picture(path, 2, draw, (8.0, 4.2 + 0.1 * len(curves)))
+    picture(path, 2, draw, (8.0, 4.6))
 
 
 def _name(curve: dict[str, Any], curves: list[dict[str, Any]]) -> str:
@@ -59,19 +60,20 @@ def _name(curve: dict[str, Any], curves: list[dict[str, Any]]) -> str:
 def _peaks(axes: "Axes", curves: list[dict[str, Any]]) -> None:
     from math import asin, degrees
 
+    label = "asin(r/R): on the danger cylinder"
     for ratio in sorted({c["r_mm"] / c["R_mm"] for c in curves}):
         peak = degrees(asin(ratio))
         if peak > curves[0]["tilt_deg"][-1]:
             continue
-        axes.axvline(peak, color=GREY, linestyle=":", linewidth=1.1, zorder=0)
+        axes.axvline(peak, color=GREY, linestyle=":", linewidth=1.1, zorder=0, label=label)
+        label = "_"
         axes.annotate(
-            f"asin(r/R) = {peak:.1f}°",
+            f"{peak:.1f}°",
             (peak, 1.0),
-            (3, -2),
+            (4, -2),
             xycoords=("data", "axes fraction"),
             textcoords="offset points",
             va="top",
-            fontsize=7.5,
             color=GREY,
         )
 
@@ -118,9 +120,10 @@ def _by_distance(axes: "Axes", curves: list[dict[str, Any]]) -> None:
             side = "inside" if inside else "outside"
             label = f"{curve['r_mm']:g}/{curve['R_mm']:g}, {side}"
             axes.plot(*zip(*points, strict=True), color=colour, linestyle=style, label=label)
-    axes.plot([1.0, 30.0], [2000.0, 2000.0 / 30.0], color=GREY, linewidth=0.9)
-    axes.text(1.2, 350.0, "1 / distance", color=GREY, fontsize=8.0)
+    axes.plot([1.0, 30.0], [900.0, 30.0], color=GREY, linewidth=0.9)
+    axes.text(1.0, 60.0, "1 / distance", color=GREY)
     axes.set(xscale="log", yscale="log")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.set(xlabel="distance to the danger cylinder, mm", ylabel="PDOP, mm per mm")
     axes.set_title("One by the distance, on both sides")
     axes.legend(loc="upper right")
@@ -129,13 +132,13 @@ def _by_distance(axes: "Axes", curves: list[dict[str, Any]]) -> None:
 
 def _cures(axes: "Axes", cures: dict[str, Any]) -> None:
     lines = (
-        ("three_tags_one_image", "three tags, one image", BLUE, "-"),
-        ("four_tags_one_image", "four tags, one image", GREEN, "--"),
-        ("three_tags_two_images", "three tags, two images", VERMILION, "-."),
+        ("three_tags_one_image", "three tags, one image", BLUE, "-", 30.0),
+        ("four_tags_one_image", "four tags, one image", GREEN, "--", 4.3),
+        ("three_tags_two_images", "three tags, two images", VERMILION, "-.", 2.3),
     )
-    for name, label, colour, style in lines:
-        axes.plot(cures["tilt_deg"], cures[name], color=colour, linestyle=style, label=label)
+    for name, label, colour, style, height in lines:
+        axes.plot(cures["tilt_deg"], cures[name], color=colour, linestyle=style)
+        axes.text(5.0 if height < 10.0 else 47.0, height, label, color=colour, fontsize=8.0)
     axes.set(xlabel=_TILT, ylabel="PDOP, mm per mm", yscale="log")
     axes.set_title("What takes the peak away")
-    axes.legend(loc="upper right")
     log_ticks(axes)

@@ -58,14 +58,15 @@ def picture(
 
 def compare(
     axes: "Axes",
+    bound: tuple[list[float], list[float]],
     x: list[float],
-    lines: tuple[list[float], list[float], list[float]],
+    found: tuple[list[float], list[float]],
     colour: str,
     name: str,
 ) -> None:
-    """bound, the thesis's method and ours: a line with rings and crosses on it."""
-    bound, theirs, ours = lines
-    axes.plot(x, bound, color=colour, label=f"{name}: bound")
+    """A bound (x, y) as a line; the thesis's method and ours at x as rings and crosses on it."""
+    theirs, ours = found
+    axes.plot(*bound, color=colour, label=f"{name}: bound")
     label = f"{name}: thesis's method"
     axes.plot(x, theirs, color=colour, ls="none", marker="o", mfc="none", ms=6.5, label=label)
     axes.plot(x, ours, color=colour, ls="none", marker="x", ms=4.0, label=f"{name}: ours")

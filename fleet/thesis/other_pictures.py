@@ -37,7 +37,7 @@ def draw_ranging(path: Path, data: dict[str, Any]) -> None:
         for axes in panels:
             axes.set_ylim(low, high)
             log_ticks(axes)
-        legend_below(figure, panels[0], 3)
+        legend_below(figure, panels[0], 4)
 
     picture(path, 2, draw, (8.0, 4.5))
 
@@ -46,19 +46,12 @@ def _ranging(axes: "Axes", rows: list[dict[str, Any]], data: dict[str, Any]) -> 
     for name, colour in DIRECTIONS.items():
         mine = [row for row in rows if row["direction"] == name]
         z = [row["range_m"] for row in mine]
-        values = ([r["bound_mm"] for r in mine], [r["thesis_method_mm"] for r in mine])
-        compare(axes, z, (*values, [r["ours_mm"] for r in mine]), colour, name)
+        marks = ([r["thesis_method_mm"] for r in mine], [r["ours_mm"] for r in mine])
+        compare(axes, (z, [r["bound_mm"] for r in mine]), z, marks, colour, name)
     claimed, at = data["claimed_mm"], data["claimed_at_m"]
-    axes.axhline(claimed, color=GREY, linestyle=":", linewidth=1.1)
-    axes.plot([at], [claimed], marker="v", color=INK, ms=7.0)
-    axes.annotate(
-        f"thesis: below {claimed:g} mm at {at:g} m",
-        (at, claimed),
-        (-6, 7),
-        textcoords="offset points",
-        ha="right",
-        fontsize=8.0,
-    )
+    axes.axhline(claimed, color=GREY, linestyle=":", linewidth=1.1, zorder=0)
+    label = f"thesis: below {claimed:g} mm at {at:g} m"
+    axes.plot([at], [claimed], marker="v", color=INK, ms=7.0, ls="none", label=label)
     axes.set(xlabel="range, m", ylabel="RMS error of the distance, mm", yscale="log")
 
 

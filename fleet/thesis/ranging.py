@@ -40,11 +40,17 @@ def figure_3_12(effort: Effort, seed: int) -> Section:
         _imaged(rng, rig, effort.images, name, float(z)) for name in DIRECTIONS for z in IMAGED_M
     ]
     rows = [row for row in projections if row is not None]
+    across, along = (_at(rows, 1.0, name)["ours_mm"] for name in ("across", "along"))
+    theirs, ours = (by_bound(images, method) for method in ("thesis_method_mm", "ours_mm"))
     return Section(
         "figure_3_12",
         "Figure 3-12: RMS error of the distance between two tags against range",
         "The error grows with the distance between cameras and tags and is below 20 mm at about "
         "7 m. How the tags were turned to the view, and how far apart, is not stated.",
+        f"Which way the pair lies decides: with {SIGMA_PX:g} px of noise {across:.1f} mm for 1 m "
+        f"across the view at 7 m, {along:.1f} mm along it, by either method. From images the "
+        f"centroids of a threshold cost a factor of {theirs:.1f} on the bound, ours "
+        f"{ours:.2f}.",
         (
             f"Two tags {' and '.join(f'{s:g} m' for s in SEPARATIONS_M)} apart, in the middle of "
             "what both cameras see: across the view, along it, and at 45 degrees. Pairs that do "
@@ -145,6 +151,10 @@ def _at(rows: list[dict[str, Any]], separation_m: float, name: str) -> dict[str,
     return next(r for r in rows if (r["separation_m"], r["direction"], r["range_m"]) == wanted)
 
 
+def by_bound(rows: list[dict[str, Any]], method: str) -> float:
+    return float(np.sqrt(np.mean([(row[method] / row["bound_mm"]) ** 2 for row in rows])))
+
+
 def _claims(rows: list[dict[str, Any]], images: list[dict[str, Any]]) -> tuple[Claim, ...]:
     claims = []
     for name in DIRECTIONS:
@@ -160,8 +170,7 @@ def _claims(rows: list[dict[str, Any]], images: list[dict[str, Any]]) -> tuple[C
             claims.append(Claim(f"{what}, {text}", "below 20", at[method], "mm", holds))
     for method, text in (("thesis_method_mm", "thesis's method"), ("ours_mm", "ours")):
         for source, found in (("projections", rows), ("images", images)):
-            ratio = [row[method] / row["bound_mm"] for row in found]
-            value = float(np.sqrt(np.mean(np.square(ratio))))
+            value = by_bound(found, method)
             claims.append(Claim(f"{text} by the bound, from {source}", "-", value, "1", None))
     return tuple(claims)
 

@@ -45,7 +45,10 @@ def page(sections: Sequence[Section], missing: Sequence[str], facts: dict[str, s
 
 
 def _contents(sections: Sequence[Section]) -> str:
-    items = (f'<li><a href="#{s.key}">{escape(s.title)}</a></li>' for s in sections)
+    items = (
+        f'<li><a href="#{s.key}">{escape(s.title)}</a><br>{escape(s.finding)}</li>'
+        for s in sections
+    )
     return f"<ol>{''.join(items)}</ol>"
 
 
@@ -54,7 +57,8 @@ def _section(section: Section) -> str:
     tables = "".join(_table(table) for table in section.tables)
     return (
         f'<h2 id="{section.key}">{escape(section.title)}</h2>'
-        f"<p><b>The thesis:</b> {escape(section.reported)}</p>{notes}"
+        f"<p><b>The thesis:</b> {escape(section.reported)}</p>"
+        f"<p><b>Here:</b> {escape(section.finding)}</p>{notes}"
         f'<img src="{section.picture}" alt="{escape(section.title)}">'
         f"{_claims(section.claims)}{tables}"
         f"<details><summary>Assumed here</summary>{_list(section.assumed)}</details>"

@@ -41,11 +41,12 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """data: everything that is drawn, JSON throughout, units in the names."""
+    """finding: what came out, in a sentence. data: all that is drawn, JSON, units in the names."""
 
     key: Key
     title: str
     reported: str
+    finding: str
     assumed: tuple[str, ...]
     claims: tuple[Claim, ...]
     data: dict[str, Any]
@@ -60,6 +61,7 @@ class Section:
         return {
             "title": self.title,
             "reported": self.reported,
+            "finding": self.finding,
             "assumed": list(self.assumed),
             "notes": list(self.notes),
             "claims": [asdict(claim) for claim in self.claims],

@@ -198,7 +198,10 @@ def _section(
     first = Claim(what, "N/A", found, "1", found == 0.0)
     tables = (as_printed(quantity, rows), beyond(rows))
     data = {"groups": effort.groups, "translation_m": TRANSLATION_M, "rows": rows}
-    return Section(key, title, reported, _SETTING, (first, *_ratios(rows), *claims), data, tables)
+    ratios = _ratios(rows)
+    finding = "Times the bound: " + "; ".join(f"{r.what} {r.found:.2g}" for r in ratios) + "."
+    claims = (first, *ratios, *claims)
+    return Section(key, title, reported, finding, _SETTING, claims, data, tables)
 
 
 def _ratios(rows: list[dict[str, Any]]) -> tuple[Claim, ...]:
@@ -208,26 +211,26 @@ def _ratios(rows: list[dict[str, Any]]) -> tuple[Claim, ...]:
 
     claims = [
         Claim(
-            "thesis's method by the bound, RMS",
+            "the comparison as printed, by thesis's method",
             "-",
             whole("thesis_method", "bound", _same),
             "1",
             None,
         ),
-        Claim("ours by the bound, RMS", "-", whole("ours", "bound", _same), "1", None),
+        Claim("the comparison as printed, by ours", "-", whole("ours", "bound", _same), "1", None),
     ]
     if "ours_both" in rows[0]:
         value = whole("ours_both", "bound_both", _same)
-        claims.append(Claim("ours from both images by their bound", "-", value, "1", None))
+        claims.append(Claim("ours from both images", "-", value, "1", None))
     else:
         for method, bound, text in (
-            ("thesis_single", "bound_single", "thesis's method, one image: error"),
-            ("ours_single", "bound_single", "ours, one image: error"),
-            ("thesis_stereo", "bound_both", "thesis's method, two images: error"),
-            ("ours_both", "bound_both", "ours, two images: error"),
+            ("thesis_single", "bound_single", "error of thesis's method from one image"),
+            ("ours_single", "bound_single", "of ours from one image"),
+            ("thesis_stereo", "bound_both", "of thesis's method from two images"),
+            ("ours_both", "bound_both", "of ours from two images"),
         ):
             value = whole(method, bound, lambda row: row["error"])
-            claims.append(Claim(f"{text} by the bound", "-", value, "1", None))
+            claims.append(Claim(text, "-", value, "1", None))
     return tuple(claims)
 
 
