@@ -44,7 +44,7 @@ def rows_at(scene: Scene, T_map_base: Array) -> Rows:
     R_map_base = T_map_base[:d, :d]
     p_base = (scene.p_map - T_map_base[:d, d]) @ R_map_base
     with np.errstate(all="ignore"):
-        error, J_cam = _predict(scene, group.act(scene.T_cam_base, p_base))
+        error, J_cam = predict(scene, group.act(scene.T_cam_base, p_base))
     J_base = J_cam @ scene.T_cam_base[:, :d, :d]
     H = -J_base @ group.act_jacobian(np.eye(d + 1), p_base)
     H_tag = J_base @ R_map_base.T @ scene.root
@@ -67,7 +67,7 @@ def _measurable(scene: Scene, noise: Array) -> Mask:
     return measurable
 
 
-def _predict(scene: Scene, p_cam: Array) -> tuple[Array, Array]:
+def predict(scene: Scene, p_cam: Array) -> tuple[Array, Array]:
     """z - h (N, k) and its Jacobian's negative dh / dp_cam (N, k, d), padded with zeros."""
     n, k = len(scene), scene.cov.shape[-1]
     error, J = np.zeros((n, k)), np.zeros((n, k, p_cam.shape[1]))

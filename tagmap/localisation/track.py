@@ -14,6 +14,8 @@ import numpy as np
 from tagmap.conventions import POSE_DOF, Array
 from tagmap.geometry.covariance import unpack_upper
 from tagmap.localisation.fix import fix
+from tagmap.localisation.integrity.live import MOST_LOOKS, NO_ASSURANCE, Assurance, assure
+from tagmap.localisation.integrity.promise import Promise
 from tagmap.localisation.scene import Scene, Sensor, TagTable, lie, look
 from tagmap.localisation.update import Belief, sigmas, update
 from tagmap.records.arrays import matrix
@@ -72,8 +74,14 @@ class _Past:
 class Track:
     """Feed the keyframes of one session in order with `step`, new maps with `adopt`."""
 
-    def __init__(self, sensor: Sensor, thresholds: Thresholds | None = None) -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        thresholds: Thresholds | None = None,
+        promise: Promise | None = None,
+    ) -> None:
         self._thresholds = thresholds or Thresholds()
+        self._promise = promise or Promise()
         self._group = lie(sensor.kind)
         self._d = 3 if sensor.kind == "spatial" else 2
         self._sensor = sensor
@@ -135,6 +143,18 @@ class Track:
         return Live(
             belief.T_map_base, T_map_odom, belief.cov, state, self._accepted, self._rejected
         )
+
+    def assurance(self) -> Assurance:
+        """What can be promised of the pose as it is known now, by the tags of the window."""
+        belief = self._belief
+        if belief is None:
+            return NO_ASSURANCE
+        try:
+            scene = self._latest_looks()
+            cross = belief.cross[scene.tag]
+            return assure(scene, belief.T_map_base, belief.cov, cross, self._promise)
+        except np.linalg.LinAlgError:
+            return NO_ASSURANCE
 
     def _move(self, keyframe: Keyframe) -> None:
         if keyframe.odom is None:
@@ -201,6 +221,24 @@ class Track:
             tags,
             np.repeat(T_cam_base, counts, axis=0),
             np.repeat(np.array([past.cov for past in recent]), counts, axis=0),
+        )
+
+    def _latest_looks(self) -> Scene:
+        """Of the tags seen last, the latest look at each, as if seen from the present base."""
+        looks: dict[str, tuple[_Past, Measurement]] = {}
+        for past in reversed(self._window):
+            for z, tag in zip(*past.seen, strict=True):
+                if len(looks) < MOST_LOOKS and tag in self._table.index:
+                    looks.setdefault(tag, (past, z))
+        dof = POSE_DOF[self._sensor.kind]
+        T_cam_base = [past.T_cam_base @ past.T_then_now for past, _ in looks.values()]
+        return look(
+            self._sensor,
+            self._table,
+            [z for _, z in looks.values()],
+            list(looks),
+            np.array(T_cam_base).reshape(-1, self._d + 1, self._d + 1),
+            np.array([past.cov for past, _ in looks.values()]).reshape(-1, dof, dof),
         )
 
     def _latest(self, n: int) -> list[_Past]:

@@ -121,7 +121,7 @@ class LiveRobots:
             anchored = book.gauge == "anchored"
             live.track.adopt(book.table, anchored, T_new_old, _sensor(live.hello, book))
             if live.pose is not None:
-                live.pose = _pose(live, live.pose.t_ns, live.track.live(), book)
+                live.pose = _pose(live, live.pose.t_ns, book)
             return
         live.waiting |= {keyframe.seq: keyframe for keyframe in live.tail}
         live.tail.clear()
@@ -150,14 +150,13 @@ def _start_from(live: LiveRobot, known: Known, book: MapBook) -> None:
     live.next_seq = known.seq + 1
     if known.cov is not None:
         live.track.start_from(matrix(known.T_map_base), covariance(known.cov))
-    now = live.track.live()
-    _remember(live, known.t_ns, now)
-    live.pose = _pose(live, known.t_ns, now, book)
+    _remember(live, known.t_ns, live.track.live())
+    live.pose = _pose(live, known.t_ns, book)
 
 
 def _follow(live: LiveRobot, book: MapBook, budget: int) -> None:
     """Who is far behind moves by odometry alone, which is quick, until the end is in sight."""
-    cost = 0.0
+    cost, t_ns = 0.0, None
     while live.next_seq <= live.reach and cost < budget:
         keyframe = live.waiting.pop(live.next_seq, None)
         live.next_seq += 1
@@ -172,7 +171,9 @@ def _follow(live: LiveRobot, book: MapBook, budget: int) -> None:
         cost += COST_OF_MOVING if is_far else 1.0
         now = _step(live.track, replace(keyframe, sightings=()) if is_far else keyframe)
         _remember(live, keyframe.t_ns, now)
-        live.pose = _pose(live, keyframe.t_ns, now, book)
+        t_ns = keyframe.t_ns
+    if t_ns is not None:
+        live.pose = _pose(live, t_ns, book)
 
 
 def _step(track: Track, keyframe: Keyframe) -> LivePose:
@@ -190,7 +191,8 @@ def _remember(live: LiveRobot, t_ns: int, now: LivePose) -> None:
         live.moments.append(moment)
 
 
-def _pose(live: LiveRobot, t_ns: int, now: LivePose, book: MapBook) -> Pose:
+def _pose(live: LiveRobot, t_ns: int, book: MapBook) -> Pose:
+    now, assured = live.track.live(), live.track.assurance()
     state = "degraded" if now.state == "good" and book.gauge == "floating" else now.state
     return Pose(
         T_map_base=None if now.T_map_base is None else transform(now.T_map_base),
@@ -200,8 +202,8 @@ def _pose(live: LiveRobot, t_ns: int, now: LivePose, book: MapBook) -> Pose:
         map_version=book.number,
         gauge=book.gauge,
         state=state,
-        dop=None,
-        protection_level_m=None,
+        dop=assured.pdop,
+        protection_level_m=assured.protection_level_m,
         source="service",
         t_ns=t_ns,
     )

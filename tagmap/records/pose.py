@@ -15,8 +15,10 @@ class Pose(Message, frozen=True, kw_only=True):
     T_map_base, T_map_odom  null while lost
     cov                     of T_map_base, body frame, (v, omega); null while lost
     state                   never `good` on a floating map
-    dop                     position dilution of the last fix, m per m; null when not computed
-    protection_level_m      bound on the position error at the site's risk; null when not computed
+    dop                     position dilution of the tags seen last, m per m; null while they do
+                            not determine a pose
+    protection_level_m      bound on the position error, also if one of these tags is wrong; null
+                            where nothing can be promised, as without one of three tags
     source                  who computed it: the service, or the agent on board
     """
 

@@ -8,6 +8,7 @@ from scipy import special
 from tagmap.conventions import Array, Index
 from tagmap.errors import ConfigError
 
+MOST_WRONG = 2
 # At most this share of the risk goes to more wrong tags at once than are looked at.
 _LEFT_OUT_SHARE = 0.5
 
@@ -43,9 +44,9 @@ class Promise:
         return cls(risk, **({"p_false_alarm": 0.1 * risk} | stated))
 
     def most_wrong(self, n: int) -> int:
-        """So many of n tags may be wrong at once; more are too unlikely to matter."""
+        """So many of n tags may be wrong at once; more are too unlikely, or too many to check."""
         most = 0
-        while float(_p_more(n, most, self.p_wrong)) > _LEFT_OUT_SHARE * self.risk:
+        while most < MOST_WRONG and float(_p_more(n, most, self.p_wrong)) > _LEFT_OUT_SHARE * self.risk:
             most += 1
         return most
 
