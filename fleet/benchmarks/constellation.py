@@ -125,13 +125,13 @@ _REACH = {"random_4": 0.99, "random_5": 0.99, "random_6": 0.99, "random_8": 0.99
 }
 METRICS = (
     Metric("scenes", "1", "higher", "views of all kinds"),
-    Metric("false_identities", "1", "lower", "views with a wrong name", reach=0.0),
+    Metric("false_identities", "1", "lower", "views with a wrong name", 0.0, reach=0.0),
     *(
-        Metric(f"{key}_identified", "1", "higher", "share of views named", reach=_REACH.get(key))
+        Metric(f"{key}_identified", "1", "higher", "share of views named", 0.01, _REACH.get(key))
         for key in [f"{pattern}_{n}" for pattern in ("random", "grid") for n in COUNTS]
     ),
-    Metric("perfect_8_identified", "1", "lower", "a grid without jitter", reach=0.0),
-    Metric("foreign_identified", "1", "higher", "share of views with foreign spots named"),
+    Metric("perfect_8_identified", "1", "lower", "a grid without jitter", 0.0, reach=0.0),
+    Metric("foreign_identified", "1", "higher", "share of views with foreign spots named", 0.01),
     Metric("random_tags_named", "1", "higher", "share of tags, random ceilings, none foreign"),
     Metric("p50_ms", "ms", "lower", f"one identification among {TAGS[-1]} tags", reach=1.0),
     Metric("p99_ms", "ms", "lower", "the same", reach=10.0),

@@ -65,6 +65,14 @@ def test_a_perfect_grid_is_never_named():
         assert look(above, look_up(rng, above, 8, k % 3)).abstained in GAVE_UP
 
 
+def test_a_lamp_that_seems_a_tag_of_another_place():
+    """Found in 100 000 views: all five spots fit elsewhere, with a chi2 of 27 at 9 degrees."""
+    rng = np.random.default_rng(1370)
+    above = ceiling(rng, "grid", 100, pitch_for(4))
+    spots = [look_up(rng, above, 4, 1) for _ in range(48)][-1]
+    assert not wrong(look(above, spots), spots)
+
+
 def test_two_equal_rooms_are_not_told_apart():
     rng = np.random.default_rng(2)
     one = ceiling(rng, "random", 40, pitch_for(8))

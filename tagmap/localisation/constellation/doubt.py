@@ -28,6 +28,8 @@ _ROTATIONS = 8.0 * math.pi**2
 # Lamps hang among tags: a layer so thick, seen by a camera of 1 sr where no frame says otherwise.
 _LAYER_M = 0.3
 _WIDE = 1.0
+# Several may be as likely, and their tags better known.
+_SLACK = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,26 +123,70 @@ def p_lookalike(
     return math.exp(min(0.0, ln_p))
 
 
+@dataclass(frozen=True, slots=True)
+class Without:
+    """chi2 and ln_evidence (N,) of an assignment without one spot; of all where that has no tag."""
+
+    chi2: Array
+    ln_evidence: Array
+
+
+def without_each(catalogue: Catalogue, sky: "Sky", found: Hypotheses, best: int) -> Without:
+    from tagmap.localisation.constellation.kernels import spots
+
+    without = Without(np.zeros(len(sky.p)), np.zeros(len(sky.p)))
+    spots.without_each(
+        sky, catalogue.chart, found.tag[best], found.T[best], without.chi2, without.ln_evidence
+    )
+    return without
+
+
 def p_foreign(
-    catalogue: Catalogue,
-    sky: "Sky",
-    room: Room,
-    found: Hypotheses,
-    best: int,
-    expect: Expectation,
+    without: Without, room: Room, found: Hypotheses, best: int, expect: Expectation
 ) -> Array:
     """(N,), 1 for spots without a tag. Other tags for the same spot are rivals, counted there."""
-    from tagmap.localisation.constellation.kernels.spots import without_each
-
-    tag = found.tag[best]
-    without = np.zeros(len(tag))
-    without_each(sky, catalogue.chart, tag, found.T[best], without)
     with np.errstate(over="ignore"):
-        density = np.exp(found.ln_evidence[best] - without)
+        density = np.exp(found.ln_evidence[best] - without.ln_evidence)
     other = (1.0 - expect.detection) * expect.foreign / room.volume
-    return np.where(
-        (tag >= 0) & np.isfinite(without), other / (other + expect.detection * density), 1.0
-    )
+    matched = (found.tag[best] >= 0) & np.isfinite(without.ln_evidence)
+    return np.where(matched, other / (other + expect.detection * density), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Challenge:
+    """How well an assignment with more foreign spots than the best one must fit to be as likely.
+
+    chi2 at the most with one more; less by `each` with every further one; matched: by the best.
+    """
+
+    chi2: float
+    each: float
+    matched: int
+
+    def most_chi2(self, matched: int) -> float:
+        """With so many matched spots; negative: none can be as likely."""
+        return self.chi2 - self.each * (self.matched - 1 - matched)
+
+
+ANY_CHALLENGE = Challenge(math.inf, 0.0, 0)
+NO_CHALLENGE = Challenge(-math.inf, 0.0, 0)
+
+
+def challenge(
+    without: Without, room: Room, found: Hypotheses, best: int, expect: Expectation
+) -> Challenge:
+    """`best` may have taken a lamp for a tag.
+
+    The density of spots without residuals is that of `best` wherever on the map they are, for it
+    depends on the noise and on how the spots lie.
+    """
+    matched = found.tag[best] >= 0
+    perfect = found.ln_evidence[best] + 0.5 * found.chi2[best]
+    costs = perfect - (without.ln_evidence + 0.5 * without.chi2)[matched]
+    one_foreign = float(costs.min()) + math.log(expect.detection * room.volume / expect.foreign)
+    missed = float(found.missed[best]) * math.log1p(-expect.detection)
+    chi2 = float(found.chi2[best]) - 2.0 * (missed - _SLACK + one_foreign)
+    return Challenge(chi2, 2.0 * one_foreign, int(matched.sum()))
 
 
 def by_pose(

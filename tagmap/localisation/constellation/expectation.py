@@ -20,7 +20,7 @@ class Expectation:
     most_foreign    so many are searched for
     unmapped        probability that the robot looks at a place that is not on the map
     likeness_m      and that repeats a mapped one to this standard deviation
-    most_steps      tags looked at before the search gives up: bounds its time
+    most_steps      tags looked at before the search gives up, see `search`: bounds its time
     """
 
     most_p_false: float = 1e-4

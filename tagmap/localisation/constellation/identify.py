@@ -4,6 +4,7 @@ All assignments of spots to tags that fit are found, not the first: those withou
 then those with one, with two. The most likely is taken, where what speaks against it is unlikely.
 """
 
+import math
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from scipy import special
 from tagmap.conventions import Array, Index, Mask
 from tagmap.localisation.constellation import doubt
 from tagmap.localisation.constellation.catalogue import Catalogue
-from tagmap.localisation.constellation.doubt import Hypotheses, Room
+from tagmap.localisation.constellation.doubt import Challenge, Hypotheses, Room
 from tagmap.localisation.constellation.expectation import Expectation, Frame
 from tagmap.localisation.view import NOTHING, Known, as_kernel_arrays
 
@@ -26,7 +27,7 @@ LEAST_UPRIGHT = 3
 LEAST_NAMED = 3
 MOST_SEARCHED = 12
 _SIGMAS = 4.5
-_MISFIT, _DOUBTFUL = 1e-7, 1e-3
+_MISFIT = 1e-7
 USUAL = Expectation()
 
 
@@ -87,35 +88,38 @@ def _search(catalogue: Catalogue, sky: "Sky", least: int, expect: Expectation) -
     room = doubt.room_of(sky)
     fitting: Hypotheses | None = None
     tried, steps = 0, expect.most_steps
-    answer = nameless(n, Abstained.NOWHERE)
+    answer, challenge = nameless(n, Abstained.NOWHERE), doubt.ANY_CHALLENGE
+    depth = min(n, MOST_SEARCHED)
     for foreign in range(min(expect.most_foreign, n - least) + 1):
-        found, passed, leaves, looked = _all_with(catalogue, sky, foreign, steps)
+        most_chi2 = min(_bound(sky, depth - foreign), challenge.most_chi2(depth - foreign))
+        if most_chi2 <= 0.0:
+            break
+        found, passed, leaves, looked = _all_with(catalogue, sky, foreign, most_chi2, steps)
         tried, steps = tried + leaves, steps - looked
         if passed > len(found.tag):
             return replace(nameless(n, Abstained.REPEATS), tried=tried)
         if steps <= 0:
             return replace(nameless(n, Abstained.EFFORT), tried=tried)
-        if not passed:
-            continue
-        fitting = found if fitting is None else fitting + found
-        answer, settled = _decide(catalogue, sky, room, fitting, tried, expect)
-        if settled:
-            break
+        if passed:
+            fitting = found if fitting is None else fitting + found
+            answer, challenge = _decide(catalogue, sky, room, fitting, tried, expect)
     return replace(answer, tried=tried)
 
 
 def _all_with(
-    catalogue: Catalogue, sky: "Sky", foreign: int, steps: int
+    catalogue: Catalogue, sky: "Sky", foreign: int, most_chi2: float, steps: int
 ) -> tuple[Hypotheses, int, int, int]:
-    """Every assignment that leaves out exactly `foreign` spots; passed, tried, steps taken."""
+    """Every assignment with exactly `foreign` spots left out and a chi2 of `most_chi2` at most;
+    passed, tried, steps taken.
+    """
     from tagmap.localisation.constellation.kernels.search import new_found, search
 
     depth = min(len(sky.p), MOST_SEARCHED)
-    most_chi2 = _bound(sky, depth - foreign, _MISFIT)
+    sigmas = min(_SIGMAS, math.sqrt(most_chi2))
     found = new_found(len(sky.p))
     variance = catalogue.most_variance
     passed, tried, looked = search(
-        sky, catalogue.chart, variance, _SIGMAS, depth, foreign, most_chi2, steps, found
+        sky, catalogue.chart, variance, sigmas, depth, foreign, most_chi2, steps, found
     )
     kept = Hypotheses(
         found.tag[:passed],
@@ -134,14 +138,14 @@ def _decide(
     fitting: Hypotheses,
     tried: int,
     expect: Expectation,
-) -> tuple[Identity, bool]:
-    """The answer so far, and whether more foreign spots cannot change it."""
+) -> tuple[Identity, Challenge]:
+    """The answer so far, and what can change it."""
     n = len(sky.p)
     weight = doubt.ln_weights(fitting, room, expect)
     best = int(np.argmax(weight))
     rival = doubt.p_rival(fitting, weight, best)
     if rival > expect.most_p_false:
-        return replace(nameless(n, Abstained.AMBIGUOUS), p_rival=rival), True
+        return replace(nameless(n, Abstained.AMBIGUOUS), p_rival=rival), doubt.NO_CHALLENGE
     coincidence = doubt.p_coincidence(catalogue, sky, room, float(weight[best]), expect)
     lookalike = doubt.p_lookalike(catalogue, sky, fitting, best, tried, expect)
     chance = replace(
@@ -152,31 +156,31 @@ def _decide(
     )
     shared = rival + coincidence + lookalike
     if shared > expect.most_p_false:
-        return chance, False
-    tag, p_foreign = _named(catalogue, sky, room, fitting, best, expect)
+        return chance, doubt.ANY_CHALLENGE
+    without = doubt.without_each(catalogue, sky, fitting, best)
+    p_foreign = doubt.p_foreign(without, room, fitting, best, expect)
+    tag, p = _named(catalogue, sky, fitting, best, p_foreign, expect)
     if (tag >= 0).sum() < LEAST_NAMED:
-        return chance, False
-    p_false = np.where(tag >= 0, np.minimum(shared + p_foreign, 1.0), 1.0)
+        return chance, doubt.ANY_CHALLENGE
+    p_false = np.where(tag >= 0, np.minimum(shared + p, 1.0), 1.0)
     T_map_cam = np.vstack([fitting.T[best], [0.0, 0.0, 0.0, 1.0]])
-    matched = int((fitting.tag[best] >= 0).sum())
-    settled = bool(fitting.chi2[best] <= _bound(sky, matched, _DOUBTFUL))
-    return replace(chance, tag=tag, p_false=p_false, T_map_cam=T_map_cam, abstained=None), settled
+    named = replace(chance, tag=tag, p_false=p_false, T_map_cam=T_map_cam, abstained=None)
+    return named, doubt.challenge(without, room, fitting, best, expect)
 
 
 def _named(
     catalogue: Catalogue,
     sky: "Sky",
-    room: Room,
     fitting: Hypotheses,
     best: int,
+    p: Array,
     expect: Expectation,
 ) -> tuple[Index, Array]:
-    """Tags (N,) and p_foreign (N,) of matched spots as far as each is certain by itself.
-
-    Spots that were too many to be searched are named by the pose of the others.
+    """Tags (N,) of matched spots as far as each is certain by its own probability p (N,) to be
+    foreign; that probability. Spots that were too many to be searched are named by the pose of
+    the others.
     """
     tag, T = fitting.tag[best], fitting.T[best]
-    p = doubt.p_foreign(catalogue, sky, room, fitting, best, expect)
     if len(tag) > MOST_SEARCHED:
         from tagmap.localisation.constellation.kernels.spots import cov_of
 
@@ -194,10 +198,10 @@ def only_once(tag: Index) -> Index:
     return np.where(np.isin(tag, claimed[count > 1]), -1, tag)
 
 
-def _bound(sky: "Sky", matched: int, probability: float) -> float:
-    """chi2 that so many matched spots exceed with that probability."""
+def _bound(sky: "Sky", matched: int) -> float:
+    """chi2 that so many matched spots exceed with probability _MISFIT."""
     known = 2 * (sky.up[3] > 0.0) + (sky.height[1] > 0.0)
-    return float(special.chdtri(3 * matched - 6 + known, probability))
+    return float(special.chdtri(3 * matched - 6 + known, _MISFIT))
 
 
 def as_sky(p_cam: Array, cov: Array, frame: Frame | None, known: Known) -> "Sky":

@@ -24,6 +24,8 @@ from tagmap.localisation.constellation.kernels.windows import order, windows
 
 KEPT = 64
 SKIPPED = -1
+JUDGED = 25
+"""To judge an assignment takes as long as to look at so many tags."""
 
 
 class Found(NamedTuple):
@@ -113,6 +115,7 @@ def search(
                         _open(at, limit, start, distance, level)
                         continue
                     tried += 1
+                    steps += JUDGED
                     for i in range(depth):
                         tag[rank[i]] = at[_TAG, i]
                     if _judge(sky, chart, tag, most_chi2, desk, found, passed):

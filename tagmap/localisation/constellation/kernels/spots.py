@@ -23,14 +23,16 @@ _BEYOND_CHI2 = 80.0
 
 
 @compiled
-def without_each(sky: Sky, chart: Chart, tag: Index, T: Array, ln_evidence: Array) -> None:
-    """Fill ln_evidence (N,): that of the assignment without spot i; of all, where i has no tag."""
+def without_each(
+    sky: Sky, chart: Chart, tag: Index, T: Array, chi2: Array, ln_evidence: Array
+) -> None:
+    """Fill chi2, ln_evidence (N,): of the assignment without spot i; of all, where i has no tag."""
     desk = new_desk(len(tag))
     others = tag.copy()
     for i in range(len(tag)):
         others[i] = _NOBODY
         copy(T, desk.T)
-        _, _, ln_evidence[i] = refine(sky, chart, others, 0.0, np.inf, desk)
+        _, chi2[i], ln_evidence[i] = refine(sky, chart, others, 0.0, np.inf, desk)
         others[i] = tag[i]
 
 
