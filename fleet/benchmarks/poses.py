@@ -113,7 +113,7 @@ def _p3p(scenes: Scenes) -> Callable[[], None]:
     from tagmap.localisation.kernels import p3p
 
     rays, p_map = _unit(scenes), np.ascontiguousarray(scenes.true.p_map[:, :3])
-    T, n = np.zeros((len(rays), 4, 3, 4)), np.zeros(len(rays), dtype=np.int64)
+    T, n = np.zeros((len(rays), 4, 4, 4)), np.zeros(len(rays), dtype=np.int64)
     return _warm(lambda: p3p.batch(rays, p_map, T, n))
 
 
@@ -126,19 +126,20 @@ def _unit(scenes: Scenes) -> Array:
 
 def _refine(scenes: Scenes) -> Callable[[], None]:
     from tagmap.localisation.kernels import refine
-    from tagmap.localisation.kernels.scene import View
-    from tagmap.localisation.view import NOTHING, as_kernel_arrays
 
-    count = len(scenes.rays)
-    ray = np.concatenate([scenes.rays, np.zeros_like(scenes.rays)], axis=-1).reshape(-1, 4)
-    weight = (WIDE_RIG.left.fx_px / SIGMA_PX) ** 2 * np.diag([1.0, 1.0, 0.0, 0.0])
-    information = np.tile(weight, (len(ray), 1, 1))
-    rest = [array[0] for array in as_kernel_arrays(NOTHING)]
+    p_map, ray, information = scenes.true.p_map, *_one_image(scenes)
     T_rl = np.ascontiguousarray(WIDE_RIG.T_right_left[:3])
-    p_map = scenes.true.p_map.reshape(-1, 3)
-    view = View(p_map, ray, information, np.zeros((0, 3, 3)), T_rl, *rest)
-    chi2 = np.empty(count)
-    return _warm(lambda: refine.batch(view, np.ascontiguousarray(scenes.starts[:, :3]), chi2))
+    chi2 = np.empty(len(ray))
+    return _warm(
+        lambda: refine.batch(p_map, ray, information, T_rl, scenes.starts[:, None].copy(), chi2)
+    )
+
+
+def _one_image(scenes: Scenes) -> tuple[Array, Array]:
+    """Rays (S, N, 4) of which the left image sees the first two, information (1, N, 4, 4)."""
+    ray = np.concatenate([scenes.rays, np.zeros_like(scenes.rays)], axis=-1)
+    weight = (WIDE_RIG.left.fx_px / SIGMA_PX) ** 2 * np.diag([1.0, 1.0, 0.0, 0.0])
+    return ray, np.tile(weight, (1, TAGS, 1, 1))
 
 
 def _align(scenes: Scenes) -> Callable[[], None]:

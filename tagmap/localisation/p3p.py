@@ -17,8 +17,7 @@ def roots(rays: Array, p_map: Array) -> tuple[Array, Index]:
     unit = rays / np.sqrt((rays * rays).sum(-1, keepdims=True))
     flat_rays, flat_p = (_flat(array, shape) for array in (unit, p_map))
     T, n = np.zeros((len(flat_rays), 4, 4, 4)), np.zeros(len(flat_rays), dtype=np.int64)
-    T[..., 3, 3] = 1.0
-    p3p.batch(flat_rays, flat_p, T[..., :3, :], n)
+    p3p.batch(flat_rays, flat_p, T, n)
     bad = ~np.isfinite(T).all((-1, -2)) | (np.arange(4) >= n[:, None])
     n = (~bad).sum(axis=1)
     T[bad] = np.nan

@@ -11,7 +11,7 @@ from enum import IntFlag
 import numpy as np
 from scipy import special
 
-from tagmap.conventions import Array, Index, Mask
+from tagmap.conventions import Array, Index
 from tagmap.geometry.stereo import StereoRig
 from tagmap.localisation.view import ALIVE_CHI2 as ALIVE_CHI2
 from tagmap.localisation.view import NOTHING, Known, Views, as_kernel_arrays, camera_arrays
@@ -70,43 +70,27 @@ class Poses:
 
 def locate(rig: StereoRig, views: Views, known: Known = NOTHING) -> Poses:
     """Solve S views. Compiled on first use, a few microseconds a view after that."""
-    from tagmap.geometry.kernels.rays import batch_to_rays
     from tagmap.localisation.kernels import search
 
-    S, N = views.z_px.shape[:2]
-    left, right, T_right_left = camera_arrays(rig)
-    ray, information = np.empty((S, N, 4)), np.empty((S, N, 4, 4))
-    seen = np.ones(S, dtype=np.bool_)
-    batch_to_rays(left, right, views.z_px, views.information, ray, information, seen)
-    T, cov, chi2 = np.empty((S, 4, 3, 4)), np.empty((S, 6, 6)), np.empty((S, 4))
-    counts = np.empty((S, 3), dtype=np.int64)
+    S = len(views)
+    T, cov, chi2 = np.empty((S, 4, 4, 4)), np.empty((S, 6, 6)), np.empty((S, 4))
+    counts = np.empty((3, S), dtype=np.int64)
     cov_map = np.zeros((1, 0, 3, 3)) if views.cov_map is None else views.cov_map
-    prior = as_kernel_arrays(known)
     search.batch(
+        *camera_arrays(rig),
         views.p_map,
-        ray,
-        information,
+        views.z_px,
+        views.information,
         cov_map,
-        T_right_left,
-        *prior,
+        *as_kernel_arrays(known),
         _bounds(),
         T,
         cov,
         chi2,
         counts,
     )
-    return _poses(T, cov, chi2, counts, seen)
-
-
-def _poses(T: Array, cov: Array, chi2: Array, counts: Index, seen: Mask) -> Poses:
-    n = np.where(seen, counts[:, 0], 0)
-    absent = np.arange(T.shape[1]) >= n[:, None]
-    T_all = np.zeros((*T.shape[:2], 4, 4))
-    T_all[..., :3, :] = T
-    T_all[..., 3, 3] = 1.0
-    T_all[absent], chi2[absent], cov[n == 0] = np.nan, np.nan, np.nan
-    doubt = np.where(seen, counts[:, 2], int(Doubt.NO_RAY))
-    return Poses(T_all[:, 0], cov, chi2[:, 0], counts[:, 1], doubt, n, T_all, chi2)
+    n, dof, doubt = counts
+    return Poses(T[:, 0], cov, chi2[:, 0], dof, doubt, n, T, chi2)
 
 
 def _bounds() -> Array:

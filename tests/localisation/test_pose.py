@@ -1,11 +1,15 @@
 """Poses keep what their covariance promises, or say that they do not."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
 from fleet.simulation.views import WIDE_RIG, noisy, places
+from tagmap.conventions import Array
 from tagmap.geometry import se3, stereo
-from tagmap.localisation.kernels.scene import View, linearise
+from tagmap.localisation.kernels import beside, motion, sightings
+from tagmap.localisation.kernels.view import View, cost, linearise
 from tagmap.localisation.pose import ALIVE_CHI2, Doubt, locate, missing
 from tagmap.localisation.view import (
     NOTHING,
@@ -220,21 +224,49 @@ def test_alternatives_are_alive_and_sorted():
     assert (chi2[:, 1] < chi2[:, 0] + ALIVE_CHI2).all()
 
 
-def view_of(true, i, known=NOTHING, cov=None):
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Rays (N, 4) with information (N, 4, 4) of tags p (N, 3), their cov, and what is known."""
+
+    p: Array
+    ray: Array
+    information: Array
+    cov: Array | None = None
+    known: Known = NOTHING
+
+
+def seen_from(true, i):
     rng = np.random.default_rng(i)
     n = true.p_map.shape[1]
-    p_cam = se3.act(se3.inverse(true.T_map_cam[i]), true.p_map[i])
-    right = se3.act(WIDE_RIG.T_right_left, p_cam)
-    ray = np.concatenate([p_cam[:, :2] / p_cam[:, 2:], right[:, :2] / right[:, 2:]], axis=1)
     factor = 100.0 * rng.normal(size=(n, 4, 4))
     information = factor @ factor.swapaxes(-1, -2)
     information[1, 2:], information[1, :, 2:] = 0.0, 0.0
     information[2, :2], information[2, :, :2] = 0.0, 0.0
-    T_rl = np.ascontiguousarray(WIDE_RIG.T_right_left[:3])
-    extra = [a[0] for a in as_kernel_arrays(known)]
-    cov = np.zeros((0, 3, 3)) if cov is None else cov
-    ray = ray + 0.001 * rng.normal(size=ray.shape)
-    return View(true.p_map[i], ray, information, cov, T_rl, *extra)
+    ray = rays_at(true.T_map_cam[i], true.p_map[i])
+    return Seen(true.p_map[i], ray + 0.001 * rng.normal(size=ray.shape), information)
+
+
+def rays_at(T_map_cam, p):
+    p_cam = se3.act(se3.inverse(T_map_cam), p)
+    right = se3.act(WIDE_RIG.T_right_left, p_cam)
+    return np.concatenate([p_cam[:, :2] / p_cam[:, 2:], right[:, :2] / right[:, 2:]], axis=1)
+
+
+def as_view(seen):
+    rows, known = np.zeros((len(seen.p), sightings.WIDTH)), np.zeros(beside.WIDTH)
+    cov = np.zeros((1, 0, 3, 3)) if seen.cov is None else seen.cov[None]
+    parts = seen.p[None], seen.ray[None], seen.information[None]
+    n = sightings.from_rays(*parts, cov, 0, rows)
+    extra = beside.fill(*as_kernel_arrays(seen.known), 0, known)
+    return View(rows, n, seen.cov is not None, known, extra > 0, motion.load(WIDE_RIG.T_right_left))
+
+
+def linearised(seen, T):
+    """chi2, g (6,), H (6, 6)."""
+    chi2, H, g = linearise(as_view(seen), motion.load(T))
+    square = np.zeros((6, 6))
+    square[np.tril_indices(6)] = H
+    return chi2, np.array(g), square + np.tril(square, -1).T
 
 
 def known_about(T):
@@ -251,21 +283,17 @@ def known_about(T):
 
 
 @pytest.mark.parametrize("with_known", [False, True])
-def test_gradient_and_information_against_central_differences(with_known):
-    """g = -1/2 dchi2/ddelta through the real update; H = J^T J from differences of g at zero
-    residual is the Gauss-Newton part, so it is compared at an exact view."""
+def test_gradient_against_central_differences(with_known):
+    """g = -1/2 dchi2/ddelta through the real update."""
     true = places(np.random.default_rng(11), "room", 5, 4)
     for i in range(5):
         T = true.T_map_cam[i]
-        known = known_about(T) if with_known else NOTHING
-        view = view_of(true, i, known)
+        seen = replace(seen_from(true, i), known=known_about(T) if with_known else NOTHING)
 
-        def chi2(xi, view=view, T=T):
-            at = np.ascontiguousarray((T @ se3.exp(xi))[:3])
-            return linearise(view, at, np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6)))
+        def chi2(xi, seen=seen, T=T):
+            return linearised(seen, T @ se3.exp(xi))[0]
 
-        H, g = np.zeros((6, 6)), np.zeros(6)
-        linearise(view, np.ascontiguousarray(T[:3]), H, g, np.zeros((6, 6)))
+        g = linearised(seen, T)[1]
         numeric = np.array([chi2(1e-6 * e) - chi2(-1e-6 * e) for e in np.eye(6)]) / 2e-6
         np.testing.assert_allclose(g, -0.5 * numeric, rtol=2e-4, atol=2e-4 * np.abs(g).max())
 
@@ -274,22 +302,26 @@ def test_information_is_the_curvature_at_an_exact_view():
     true = places(np.random.default_rng(12), "room", 5, 4)
     for i in range(5):
         T = true.T_map_cam[i]
-        view = view_of(true, i)
-        p_cam = se3.act(se3.inverse(T), true.p_map[i])
-        right = se3.act(WIDE_RIG.T_right_left, p_cam)
-        view.ray[:] = np.concatenate([p_cam[:, :2] / p_cam[:, 2:], right[:, :2] / right[:, 2:]], 1)
+        seen = replace(seen_from(true, i), ray=rays_at(T, true.p_map[i]))
 
-        def gradient(xi, view=view, T=T):
-            g = np.zeros(6)
-            at = np.ascontiguousarray((T @ se3.exp(xi))[:3])
-            linearise(view, at, np.zeros((6, 6)), g, np.zeros((6, 6)))
-            return g
+        def gradient(xi, seen=seen, T=T):
+            return linearised(seen, T @ se3.exp(xi))[1]
 
-        H = np.zeros((6, 6))
-        linearise(view, np.ascontiguousarray(T[:3]), H, np.zeros(6), np.zeros((6, 6)))
-        H = np.tril(H) + np.tril(H, -1).T
+        H = linearised(seen, T)[2]
         numeric = [(gradient(-1e-6 * e) - gradient(1e-6 * e)) / 2e-6 for e in np.eye(6)]
         np.testing.assert_allclose(H, np.array(numeric), atol=1e-4 * np.abs(H).max())
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_cost_is_the_chi2_of_the_linearisation(known):
+    true = places(np.random.default_rng(14), "room", 5, 4)
+    for i in range(5):
+        T = true.T_map_cam[i]
+        seen = replace(seen_from(true, i), known=known_about(T) if known else NOTHING)
+        aside = T @ se3.exp(np.full(6, 0.01))
+        assert cost(as_view(seen), motion.load(aside)) == pytest.approx(linearised(seen, aside)[0])
+        behind = T @ se3.exp(np.array([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]))
+        assert cost(as_view(seen), motion.load(behind)) == np.inf
 
 
 def test_a_tags_covariance_is_noise_of_its_rays():
@@ -298,31 +330,29 @@ def test_a_tags_covariance_is_noise_of_its_rays():
     for i in range(3):
         factor = 0.02 * rng.normal(size=(4, 3, 3))
         cov = factor @ factor.swapaxes(-1, -2)
-        exact, soft = view_of(true, i), view_of(true, i, cov=cov)
-        T = np.ascontiguousarray(true.T_map_cam[i, :3])
-        H, g, S = np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6))
-        chi2 = linearise(soft, T, H, g, S)
-        expected = dense(exact, T, cov)
+        exact, T = seen_from(true, i), true.T_map_cam[i]
+        chi2, g, H = linearised(replace(exact, cov=cov), T)
+        expected = dense(exact, T[:3], cov)
         assert chi2 == pytest.approx(expected[0], rel=1e-9)
         np.testing.assert_allclose(g, expected[1], rtol=1e-8, atol=1e-8 * np.abs(g).max())
-        np.testing.assert_allclose(np.tril(H), np.tril(expected[2]), rtol=1e-8, atol=1e-3)
+        np.testing.assert_allclose(H, expected[2], rtol=1e-8, atol=1e-3)
 
 
-def dense(view, T, cov):
+def dense(seen, T, cov):
     """chi2, g, H with (C + J S J^T)^-1 in place of C^-1, tag by tag."""
     R, chi2, g, H = T[:, :3], 0.0, np.zeros(6), np.zeros((6, 6))
-    for i, p in enumerate(view.p):
-        rows = np.flatnonzero(np.diag(view.information[i]) > 0.0)
+    for i, p in enumerate(seen.p):
+        rows = np.flatnonzero(np.diag(seen.information[i]) > 0.0)
         p_cam = (p - T[:, 3]) @ R
-        M = view.T_right_left
+        M = WIDE_RIG.T_right_left[:3]
         p_right = M[:, :3] @ p_cam + M[:, 3]
         J, h = np.zeros((4, 3)), np.zeros(4)
         for side, point, turn in ((0, p_cam, np.eye(3)), (2, p_right, M[:, :3])):
             x, y, z = point
             h[side : side + 2] = x / z, y / z
             J[side : side + 2] = np.array([[1, 0, -x / z], [0, 1, -y / z]]) / z @ turn
-        C = np.linalg.inv(view.information[i][np.ix_(rows, rows)])
-        J, r = J[rows], (view.ray[i] - h)[rows]
+        C = np.linalg.inv(seen.information[i][np.ix_(rows, rows)])
+        J, r = J[rows], (seen.ray[i] - h)[rows]
         W = np.linalg.inv(C + J @ R.T @ cov[i] @ R @ J.T)
         B = se3.act_jacobian(np.eye(4), p_cam) * -1.0
         chi2 += r @ W @ r

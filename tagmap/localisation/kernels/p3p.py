@@ -15,9 +15,12 @@ import numpy as np
 
 from tagmap.conventions import Array, Index
 from tagmap.geometry.kernels.compiled import compiled
+from tagmap.localisation.kernels.motion import Pose, store
 
 Six = tuple[float, float, float, float, float, float]
 Three = tuple[float, float, float]
+Nine = tuple[float, float, float, float, float, float, float, float, float]
+Triangle = tuple[Three, Three, Three]
 
 _POLISH = 2
 # Two roots that merge leave a discriminant of rounding's size, of either sign.
@@ -206,57 +209,54 @@ def _polish(d: Three, m: Three, a: Three) -> Three:
 
 
 @compiled
-def _edges(p: Array, e: Array) -> None:
-    """The frame e (3, 3) of a triangle p (3, 3), from its first corner."""
-    for k in range(3):
-        e[0, k], e[1, k] = p[1, k] - p[0, k], p[2, k] - p[0, k]
-    _frame(e)
+def frame(a: Three, b: Three, c: Three) -> Nine:
+    """An orthonormal right-handed frame of a triangle, its vectors one after another."""
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    u, v, w = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    n = 1.0 / math.sqrt(x * x + y * y + z * z)
+    x, y, z = n * x, n * y, n * z
+    p, q, r = y * w - z * v, z * u - x * w, x * v - y * u
+    n = 1.0 / math.sqrt(p * p + q * q + r * r)
+    p, q, r = n * p, n * q, n * r
+    return x, y, z, q * z - r * y, r * x - p * z, p * y - q * x, p, q, r
 
 
 @compiled
-def _place(ray: Array, p: Array, d: Three, map_frame: Array, e: Array, T: Array) -> None:
-    """T_map_cam (3, 4) that lays the triangle d_i ray_i on the points p, frame on frame and centre
-    on centre. e (3, 3) is scratch."""
-    for k in range(3):
-        origin = d[0] * ray[0, k]
-        e[0, k], e[1, k] = d[1] * ray[1, k] - origin, d[2] * ray[2, k] - origin
-    _frame(e)
-    for i in range(3):
-        T[i, 3] = (p[0, i] + p[1, i] + p[2, i]) / 3.0
-    for j in range(3):
-        mean = (d[0] * ray[0, j] + d[1] * ray[1, j] + d[2] * ray[2, j]) / 3.0
-        for i in range(3):
-            a, b, c = map_frame[0, i], map_frame[1, i], map_frame[2, i]
-            T[i, j] = a * e[0, j] + b * e[1, j] + c * e[2, j]
-            T[i, 3] -= T[i, j] * mean
+def place(rays: Triangle, p: Triangle, map_frame: Nine, x: float, y: float, z: float) -> Pose:
+    """T_map_cam that lays the points at distances x, y, z along the rays on the points p, frame on
+    frame and centre on centre."""
+    a = (x * rays[0][0], x * rays[0][1], x * rays[0][2])
+    b = (y * rays[1][0], y * rays[1][1], y * rays[1][2])
+    c = (z * rays[2][0], z * rays[2][1], z * rays[2][2])
+    m, e = map_frame, frame(a, b, c)
+    r00 = m[0] * e[0] + m[3] * e[3] + m[6] * e[6]
+    r01 = m[0] * e[1] + m[3] * e[4] + m[6] * e[7]
+    r02 = m[0] * e[2] + m[3] * e[5] + m[6] * e[8]
+    r10 = m[1] * e[0] + m[4] * e[3] + m[7] * e[6]
+    r11 = m[1] * e[1] + m[4] * e[4] + m[7] * e[7]
+    r12 = m[1] * e[2] + m[4] * e[5] + m[7] * e[8]
+    r20 = m[2] * e[0] + m[5] * e[3] + m[8] * e[6]
+    r21 = m[2] * e[1] + m[5] * e[4] + m[8] * e[7]
+    r22 = m[2] * e[2] + m[5] * e[5] + m[8] * e[8]
+    third = 1.0 / 3.0
+    u, v, w = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
+    p0, p1, p2 = p
+    return (
+        r00, r01, r02, third * (p0[0] + p1[0] + p2[0] - r00 * u - r01 * v - r02 * w),
+        r10, r11, r12, third * (p0[1] + p1[1] + p2[1] - r10 * u - r11 * v - r12 * w),
+        r20, r21, r22, third * (p0[2] + p1[2] + p2[2] - r20 * u - r21 * v - r22 * w),
+    )  # fmt: skip
 
 
 @compiled
-def _frame(e: Array) -> None:
-    """Two edges in the first rows become an orthonormal right-handed frame in the three rows."""
-    n = 1.0 / math.sqrt(e[0, 0] * e[0, 0] + e[0, 1] * e[0, 1] + e[0, 2] * e[0, 2])
-    for k in range(3):
-        e[0, k] *= n
-    e[2, 0] = e[0, 1] * e[1, 2] - e[0, 2] * e[1, 1]
-    e[2, 1] = e[0, 2] * e[1, 0] - e[0, 0] * e[1, 2]
-    e[2, 2] = e[0, 0] * e[1, 1] - e[0, 1] * e[1, 0]
-    n = 1.0 / math.sqrt(e[2, 0] * e[2, 0] + e[2, 1] * e[2, 1] + e[2, 2] * e[2, 2])
-    for k in range(3):
-        e[2, k] *= n
-    e[1, 0] = e[2, 1] * e[0, 2] - e[2, 2] * e[0, 1]
-    e[1, 1] = e[2, 2] * e[0, 0] - e[2, 0] * e[0, 2]
-    e[1, 2] = e[2, 0] * e[0, 1] - e[2, 1] * e[0, 0]
-
-
-@compiled
-def _square(a: Array, b: Array) -> float:
+def _square(a: Three, b: Three) -> float:
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     square: float = x * x + y * y + z * z
     return square
 
 
 @compiled
-def _dot(a: Array, b: Array) -> float:
+def _dot(a: Three, b: Three) -> float:
     product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return product
 
@@ -296,35 +296,44 @@ def distances(m: Three, a: Three, nearly: bool, d: Array) -> int:
 
 
 @compiled
-def poses(ray: Array, p: Array, nearly: bool, d: Array, e: Array, T: Array) -> int:
-    """Fill T (4, 3, 4) with the poses T_map_cam from which points p (3, 3) lie on unit rays (3, 3).
-
-    Returns their number. d (4, 3) and e (2, 3, 3) are scratch.
-    """
+def along(rays: Triangle, p: Triangle, nearly: bool, d: Array) -> int:
+    """Fill d (4, 3) with the distances at which points p lie on unit rays; how many there are."""
     a01, a02, a12 = _square(p[0], p[1]), _square(p[0], p[2]), _square(p[1], p[2])
-    m01, m02, m12 = _dot(ray[0], ray[1]), _dot(ray[0], ray[2]), _dot(ray[1], ray[2])
+    m01, m02, m12 = _dot(rays[0], rays[1]), _dot(rays[0], rays[2]), _dot(rays[1], rays[2])
     if not min(a01, min(a02, a12)) > 0.0:
         return 0
     # The longest side last: its square divides the others.
     if a12 >= a01 and a12 >= a02:
-        n = distances((m01, m02, m12), (a01, a02, a12), nearly, d)
-    elif a02 >= a01:
+        return distances((m01, m02, m12), (a01, a02, a12), nearly, d)
+    if a02 >= a01:
         n = distances((m01, m12, m02), (a01, a12, a02), nearly, d)
         for k in range(n):
             d[k, 0], d[k, 1] = d[k, 1], d[k, 0]
-    else:
-        n = distances((m12, m02, m01), (a12, a02, a01), nearly, d)
-        for k in range(n):
-            d[k, 0], d[k, 2] = d[k, 2], d[k, 0]
-    _edges(p, e[1])
+        return n
+    n = distances((m12, m02, m01), (a12, a02, a01), nearly, d)
     for k in range(n):
-        _place(ray, p, (d[k, 0], d[k, 1], d[k, 2]), e[1], e[0], T[k])
+        d[k, 0], d[k, 2] = d[k, 2], d[k, 0]
     return n
 
 
 @compiled
+def corners(a: Array, s: int) -> Triangle:
+    """a[s] of a (S, 3, 3)."""
+    return (
+        (a[s, 0, 0], a[s, 0, 1], a[s, 0, 2]),
+        (a[s, 1, 0], a[s, 1, 1], a[s, 1, 2]),
+        (a[s, 2, 0], a[s, 2, 1], a[s, 2, 2]),
+    )
+
+
+@compiled
 def batch(ray: Array, p: Array, T: Array, n: Index) -> None:
-    """`poses` of ray (S, 3, 3), p (S, 3, 3) into T (S, 4, 3, 4) and n (S,)."""
-    d, e = np.empty((4, 3)), np.empty((2, 3, 3))
-    for i in range(len(ray)):
-        n[i] = poses(ray[i], p[i], False, d, e, T[i])
+    """All poses T (S, 4, 4, 4), and their numbers n (S,), from which points p (S, 3, 3) lie on
+    unit rays (S, 3, 3)."""
+    d = np.empty((4, 3))
+    for s in range(len(ray)):
+        rays, points = corners(ray, s), corners(p, s)
+        n[s] = along(rays, points, False, d)
+        map_frame = frame(points[0], points[1], points[2])
+        for k in range(n[s]):
+            store(place(rays, points, map_frame, d[k, 0], d[k, 1], d[k, 2]), T, s, k)
