@@ -103,7 +103,9 @@ def fit_rig(views: Sequence[View], size_px: tuple[int, int], board: Board, fits_
             )
         )  # fmt: skip
     except cv2.error as error:
-        raise DegenerateError(f"{len(views)} pairs determine no cameras: {error.err}") from None
+        raise DegenerateError(
+            f"{len(views)} pairs determine no cameras (OpenCV: {error.err})"
+        ) from None
     T_cam_board = np.stack(
         [_matrix(cv2.Rodrigues(r)[0], p) for r, p in zip(rotations, positions, strict=True)]
     )

@@ -11,6 +11,8 @@ from tagmap.errors import DataError
 Grey = npt.NDArray[np.uint8]
 
 SIDES = ("left", "right")
+SMALLEST_PX = 64
+"""A board of 3x3 corners with squares of 10 px does not fit into less."""
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
@@ -82,6 +84,11 @@ def read_grey(path: Path) -> Grey:
         image = None
     if image is None:
         raise DataError(f"{path}: not an image, expected PNG, JPEG or TIFF")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise DataError(f"{path}: pixels are {image.dtype}, expected 8 or 16 bits without sign")
+    if min(image.shape) < SMALLEST_PX:
+        size = f"{image.shape[1]} x {image.shape[0]} px"
+        raise DataError(f"{path}: {size}, expected at least {SMALLEST_PX} px either way")
     return _eight_bits(np.asarray(image))
 
 

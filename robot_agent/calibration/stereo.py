@@ -164,7 +164,14 @@ def relative_sigmas(fit: Fit, sigma: Sigmas) -> dict[str, float]:
 
 
 def _require_determined(fit: Fit, sigma: Sigmas) -> None:
-    for name, relative in relative_sigmas(fit, sigma).items():
+    relatives = relative_sigmas(fit, sigma)
+    if relatives["baseline"] > 1.0:
+        baseline_mm = 1e3 * float(np.linalg.norm(fit.rig.T_right_left[:3, 3]))
+        raise DegenerateError(
+            f"baseline {baseline_mm:.3g} mm, expected more than its deviation of"
+            f" {1e3 * sigma.baseline_m:.3g} mm: are left and right of two cameras?"
+        )
+    for name, relative in relatives.items():
         if relative > OPEN:
             raise DegenerateError(
                 f"{name} is open by {100 * relative:.0f} %: tilt the board more, and differently"

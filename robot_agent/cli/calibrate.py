@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tagmap.cli.options import Number
 from tagmap.errors import TagmapError
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def calibrate() -> None:
     "--square-m",
     required=True,
     metavar="S",
-    type=click.FloatRange(min=0.0, min_open=True, max=10.0),
+    type=Number(min=1e-4, max=10.0),
     help="Side of one square in m, as measured.",
 )
 @click.option(
@@ -56,7 +57,7 @@ def calibrate() -> None:
 @click.option(
     "--window-px",
     metavar="N",
-    type=click.IntRange(2, 100),
+    type=click.IntRange(2, 50),
     help="Half the window that refines a corner.  [default: a third of the smallest square]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")

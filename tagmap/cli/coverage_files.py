@@ -13,6 +13,7 @@ from tagmap.localisation.coverage import Coverage, coverage
 from tagmap.records.arrays import stereo_rig
 from tagmap.records.rig_file import find_rig
 
+LEAST_TAGS = 3
 MOST_CELLS = 1_000_000
 
 
@@ -27,8 +28,11 @@ def cover(
 ) -> dict[str, Any]:
     """Raises DataError and ConfigError, which name the file."""
     tags = read_tags_json(tags_path)
+    if len(tags) < LEAST_TAGS:
+        raise DataError(f"{tags_path}: {len(tags)} tags, expected at least {LEAST_TAGS}")
     p_map = np.array(list(tags.values()))
-    cells = np.prod(np.ptp(p_map[:, :2], axis=0) / cell_m + 1.0)
+    with np.errstate(over="ignore"):
+        cells = np.prod(np.ptp(p_map[:, :2], axis=0) / cell_m + 1.0)
     if cells > MOST_CELLS:
         raise DataError(f"{cells:.0f} cells of {cell_m:g} m, expected at most {MOST_CELLS}")
     found = coverage(stereo_rig(find_rig(rig)), p_map, mount_z_m, tilt_rad, cell_m)
@@ -37,7 +41,7 @@ def cover(
         with suppress(ImportError):
             files.append(write_picture(out, found, tags, worst_m))
     except OSError as error:
-        raise DataError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
+        raise DataError(f"{out}: cannot be written: {error.strerror}") from None
     return {"files": list(map(str, files)), **_summary(found)}
 
 

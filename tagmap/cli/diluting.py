@@ -15,6 +15,10 @@ from tagmap.localisation.cylinder import distance_m
 from tagmap.localisation.dop import dop, looking_at
 from tagmap.localisation.monte_carlo import monte_carlo
 
+LEAST_TAGS = 3
+MOST_SEEN = 10_000_000
+"""Tags of all trials together: they are solved in one batch."""
+
 
 def dilution(
     tags: Mapping[str, tuple[float, ...]],
@@ -26,11 +30,20 @@ def dilution(
     sigma_px: float,
     sigma_tag_m: float,
     seed: int,
-) -> dict[str, Any]:
-    """The four figures, the danger cylinder, and the same by trial where asked for."""
+) -> tuple[dict[str, Any], str | None]:
+    """The four figures, the danger cylinder, and the same by trial where asked for; why figures
+    are missing. Raises DataError and ConfigError.
+    """
     p_map, at, target = np.array(list(tags.values())), np.array(camera_position), np.array(look_at)
     if not ((at - target) ** 2).sum() > 0.0:
         raise DataError("the camera is at the point it looks at: no direction")
+    if trials is not None and trials * len(tags) > MOST_SEEN:
+        raise DataError(
+            f"{trials} trials of {len(tags)} tags, expected at most {MOST_SEEN // len(tags)}"
+        )
+    for tag, p in tags.items():
+        if p == camera_position:
+            raise DataError(f"tag {tag} is at the camera's position: no direction")
     T_map_cam = looking_at(at, target)
     cameras = _cameras(focal_px, rig)
     seen = np.tile([True, rig is not None], (len(p_map), 1))
@@ -42,7 +55,16 @@ def dilution(
         facts["monte_carlo"] = _try(
             seed, trials, cameras, p_map, T_map_cam, seen, sigma_px, sigma_tag_m
         )
-    return facts
+    return facts, _why(facts, int(in_front.sum()), len(tags))
+
+
+def _why(facts: dict[str, Any], in_front: int, tags: int) -> str | None:
+    """Why the figures do not exist."""
+    if facts["pdop"] is not None:
+        return None
+    if in_front < LEAST_TAGS:
+        return f"{in_front} of {tags} tags are in front of the camera, expected {LEAST_TAGS}"
+    return "no pose from here: the tags are on one line, or the camera on their danger cylinder"
 
 
 def _try(seed: int, count: int, *scene: Any) -> dict[str, Any]:

@@ -1,19 +1,38 @@
 """`tagmap localize`."""
 
+import os
+import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from tagmap.cli.ask import MAX_REPLY_BYTES, TIMEOUT_S, Refused, get
+from tagmap.cli.ask import MAX_REPLY_BYTES, TIMEOUT_S, get
 from tagmap.cli.options import Target, client
 from tagmap.cli.show import show_facts, show_json
+from tagmap.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tagmap.records.rig import RigCalibration
+
+STDIN = "-"
+
+_PROBABILITY = click.FloatRange(min=0.0, max=1.0, max_open=True)
 
 
 @click.command()
-@click.argument("request", metavar="[FILE]", type=click.File("rb"), default="-")
+@click.argument("path", metavar="[FILE]", type=click.Path(path_type=Path), default=STDIN)
+@click.option("--risk", type=_PROBABILITY, help="That the protection level is exceeded.  [1e-4]")
+@click.option(
+    "--p-false-alarm",
+    type=_PROBABILITY,
+    help="That right tags are taken for wrong, part of the risk.  [a tenth of it]",
+)
+@click.option("--p-wrong", type=_PROBABILITY, help="That a tag moved or is another.  [1e-3]")
+@click.option("--p-swapped", type=_PROBABILITY, help="That two tags have swapped names.  [1e-3]")
 @client
-def localize(target: Target, request: IO[bytes]) -> None:
+def localize(target: Target, path: Path, **promise: float | None) -> None:
     """Compute one pose from tags seen from one place.
 
     FILE (or - for stdin) is JSON of one of two forms. With tags, their positions and pixels,
@@ -21,56 +40,61 @@ def localize(target: Target, request: IO[bytes]) -> None:
     measurements of tags that are on the service's map it is a LocalizeRequest, `{"kind",
     "T_base_cam", "rig", "measurements": [{"tag", "z"}]}`, and the service answers.
     """
-    content = request.read()
-    if _brings_its_map(content):
-        reply = _answer_here(content, request.name)
+    from tagmap.records.json_file import LARGEST_BYTES, parse_json, read_json
+
+    if str(path) == STDIN:
+        tree = parse_json(sys.stdin.buffer.read(LARGEST_BYTES + 1), STDIN)
     else:
-        reply = _ask_the_service(target, content, request.name)
+        tree = read_json(path)
+    stated = {name: value for name, value in promise.items() if value is not None}
+    if _brings_its_map(tree):
+        reply = _answer_here(tree, path, stated)
+    elif stated:
+        raise click.UsageError(f"FILE asks the service, which takes no {', '.join(stated)}")
+    else:
+        reply = _ask(target, tree, str(path))
     if target.as_json:
         show_json(reply)
     else:
         show_facts(reply)
 
 
-def _brings_its_map(content: bytes) -> bool:
-    """A request to the service is also what cannot be read: its errors are the clearer ones."""
-    import msgspec
-
-    try:
-        keys = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
-    except (msgspec.DecodeError, UnicodeDecodeError):
-        return False
-    return "measurements" not in keys and ("tags" in keys or "left" in keys)
+def _brings_its_map(tree: Any) -> bool:
+    if not isinstance(tree, dict):
+        return True
+    return "measurements" not in tree and ("tags" in tree or "left" in tree)
 
 
-def _answer_here(content: bytes, name: str) -> dict[str, Any]:
-    import msgspec
-
+def _answer_here(tree: Any, path: Path, stated: Mapping[str, float]) -> dict[str, Any]:
     from tagmap.localisation.answer import answer
+    from tagmap.localisation.integrity.promise import Promise
     from tagmap.records.arrays import stereo_rig
+    from tagmap.records.view_file import check_inside, view_of
+
+    file = view_of(tree, str(path))
+    rig = file.rig if not isinstance(file.rig, str) else _find_rig(file.rig, path)
+    check_inside(file, rig, str(path))
+    return answer(file, stereo_rig(rig), Promise.at(**stated))
+
+
+def _find_rig(name: str, path: Path) -> "RigCalibration":
+    """A rig file, also beside `path`, or a preset."""
     from tagmap.records.rig_file import find_rig
-    from tagmap.records.view_file import ViewFile
 
+    beside = str(path.parent / name)
     try:
-        file = msgspec.json.decode(content, type=ViewFile)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise Refused(f"{name}: {error}") from None
-    rig = file.rig
-    if isinstance(rig, str):
-        beside = Path(name).parent / rig
-        rig = find_rig(str(beside) if beside.is_file() else rig)
-    return answer(file, stereo_rig(rig))
+        return find_rig(beside if os.path.isfile(beside) else name)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: rig: {error}") from None
 
 
-def _ask_the_service(target: Target, content: bytes, name: str) -> Any:
+def _ask(target: Target, tree: Any, name: str) -> Any:
     import msgspec
 
     from tagmap.link.keys import Keys
     from tagmap.records import LocalizeReply, LocalizeRequest, decode, encode
+    from tagmap.records.json_file import as_record
 
-    try:
-        message = msgspec.json.decode(content, type=LocalizeRequest)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise Refused(f"{name}: {error}") from None
+    message = as_record(tree, LocalizeRequest, name)
     payload = get(target, Keys(target.site).localize(), encode(message), TIMEOUT_S)
     return msgspec.to_builtins(decode(LocalizeReply, payload, MAX_REPLY_BYTES))

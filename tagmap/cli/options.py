@@ -11,6 +11,33 @@ import click
 ENDPOINT = "tcp/127.0.0.1:7447"
 
 
+class Number(click.FloatRange):
+    """A finite number of a size that a site has, SI or px."""
+
+    largest = 1e12
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not abs(number) <= self.largest:
+            self.fail(f"{value} is not a finite number up to {self.largest:g}", param, ctx)
+        return number
+
+
+POSITIVE = Number(min=0.0, min_open=True)
+SIGMA = Number(min=1e-9)
+
+tags_option = click.option(
+    "--tags",
+    "tags_path",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE",
+    help='JSON, {"id": [x, y, z], ...} in m.',
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Target:
     """Which service to ask, and how to show the answer."""

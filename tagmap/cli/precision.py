@@ -5,30 +5,22 @@ from typing import Any
 
 import click
 
+from tagmap.cli.options import POSITIVE, SIGMA, Number, tags_option
 from tagmap.cli.show import show_facts, show_json
 
 
 def _triple(_: click.Context, __: click.Parameter, value: str) -> tuple[float, ...]:
-    import math
-
     try:
         numbers = tuple(map(float, value.split(",")))
     except ValueError:
         numbers = ()
-    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+    if len(numbers) != 3 or not all(abs(x) <= Number.largest for x in numbers):
         raise click.BadParameter(f"{value!r} is not X,Y,Z in m")
     return numbers
 
 
 @click.command()
-@click.option(
-    "--tags",
-    "tags_path",
-    type=click.Path(path_type=Path),
-    required=True,
-    metavar="FILE",
-    help='JSON, {"id": [x, y, z], ...} in m.',
-)
+@tags_option
 @click.option(
     "--camera-position",
     callback=_triple,
@@ -39,7 +31,7 @@ def _triple(_: click.Context, __: click.Parameter, value: str) -> tuple[float, .
 @click.option(
     "--look-at", callback=_triple, metavar="X,Y,Z", required=True, help="A point on its axis, m."
 )
-@click.option("--focal-px", type=click.FloatRange(min=0.0, min_open=True), help="Focal length.")
+@click.option("--focal-px", type=POSITIVE, help="Focal length.")
 @click.option("--rig", help="Rig file or preset: a stereo pair. Its focal lengths by default.")
 @click.option(
     "--monte-carlo",
@@ -49,12 +41,14 @@ def _triple(_: click.Context, __: click.Parameter, value: str) -> tuple[float, .
     help="Also try: N noisy views.",
 )
 @click.option(
-    "--sigma-px", type=float, default=0.02, show_default=True, help="Pixel noise of the trials."
+    "--sigma-px", type=SIGMA, default=0.02, show_default=True, help="Pixel noise of the trials."
 )
 @click.option(
-    "--sigma-tag-m", type=float, default=2e-5, show_default=True, help="Tag noise of the trials."
+    "--sigma-tag-m", type=SIGMA, default=2e-5, show_default=True, help="Tag noise of the trials."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the trials.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the trials."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def dop(tags_path: Path, as_json: bool, **options: Any) -> None:
     """By how much a place multiplies errors of tags and of pixels.
@@ -67,7 +61,9 @@ def dop(tags_path: Path, as_json: bool, **options: Any) -> None:
 
     if options["focal_px"] is None and options["rig"] is None:
         raise click.UsageError("a camera is missing: --focal-px, or --rig for a stereo pair")
-    facts = dilution(read_tags_json(tags_path), **options)
+    facts, note = dilution(read_tags_json(tags_path), **options)
+    if note:
+        click.echo(f"note: {note}", err=True)
     if as_json:
         show_json(facts)
     else:

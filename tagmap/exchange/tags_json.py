@@ -2,21 +2,19 @@
 
 from pathlib import Path
 
-import msgspec
-
 from tagmap.errors import DataError
-from tagmap.records.base import TagId
-from tagmap.records.view_file import Point
+from tagmap.records.json_file import check_points, read_json
 
 
 def read_tags_json(path: Path) -> dict[str, tuple[float, ...]]:
-    """Raises DataError, which names the file."""
-    try:
-        tags = msgspec.json.decode(path.read_bytes(), type=dict[TagId, Point])
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise DataError(f'{path}: {error}; expected {{"id": [x, y, z], ...}} in m') from None
+    """Raises DataError, which names the file: no tags, or all of several at one place, as well."""
+    tree = read_json(path)
+    check_points(tree, 3, str(path))
+    tags = {tag: tuple(map(float, p)) for tag, p in tree.items()}
     if not tags:
         raise DataError(f"{path}: no tags")
+    if len(tags) > 1 and len(set(tags.values())) == 1:
+        raise DataError(
+            f"{path}: all {len(tags)} tags are at one place, {next(iter(tree.values()))} m"
+        )
     return tags

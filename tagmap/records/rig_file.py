@@ -3,6 +3,7 @@
 import datetime
 import json
 import math
+import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -45,11 +46,13 @@ def read_rig(path: Path) -> RigCalibration:
 def find_rig(name: str) -> RigCalibration:
     """The rig of a file, or a preset by its name. Raises ConfigError."""
     path = Path(name)
-    preset = PRESETS / f"{name}.toml"
-    if not path.exists() and preset.parent == PRESETS and preset.is_file():
-        return read_rig(preset)
-    if not path.exists() and path.suffix != ".toml":
-        raise ConfigError(f"{name}: no such file, and no preset: {', '.join(presets())}")
+    # os.path, for a name that no file can have is a name of none.
+    if not name or not os.path.exists(name):
+        if name in presets():
+            return read_rig(PRESETS / f"{name}.toml")
+        if path.suffix != ".toml":
+            shown = name[:80] or "an empty name"
+            raise ConfigError(f"{shown}: no such file, and no preset: {', '.join(presets())}")
     return read_rig(path)
 
 

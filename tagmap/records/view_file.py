@@ -1,11 +1,15 @@
 """The file of `tagmap localize`: tags seen in one image or two, and where the tags are."""
 
-from typing import Annotated, TypeAlias
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
+from tagmap.errors import DataError
 from tagmap.records.base import (
+    LARGEST,
+    LEAST_VARIANCE,
     Finite,
     Positive,
     Record,
@@ -14,9 +18,12 @@ from tagmap.records.base import (
     check_covariance,
     check_finite,
 )
-from tagmap.records.rig import RigCalibration
+from tagmap.records.json_file import as_record, check_points
+from tagmap.records.rig import CameraCalibration, RigCalibration
 from tagmap.records.transform import Transform
 
+Sigma: TypeAlias = Annotated[float, Meta(ge=LEAST_VARIANCE**0.5, le=LARGEST)]
+Variance: TypeAlias = Annotated[float, Meta(ge=LEAST_VARIANCE, le=LARGEST)]
 Pixel: TypeAlias = Annotated[tuple[Finite, ...], Meta(min_length=2, max_length=2)]
 Point: TypeAlias = Annotated[tuple[Finite, ...], Meta(min_length=3, max_length=3)]
 
@@ -56,8 +63,8 @@ class ViewFile(Record, frozen=True, kw_only=True, forbid_unknown_fields=True):
     tags: dict[TagId, Point]
     left: dict[TagId, Pixel]
     right: dict[TagId, Pixel] = msgspec.field(default_factory=dict)
-    tag_cov_m2: Positive | Vector | dict[TagId, Vector] | None = None
-    sigma_px: Positive | None = None
+    tag_cov_m2: Variance | Vector | dict[TagId, Vector] | None = None
+    sigma_px: Sigma | None = None
     T_base_cam: Transform | None = None
     prior: PriorPose | None = None
 
@@ -81,3 +88,32 @@ class ViewFile(Record, frozen=True, kw_only=True, forbid_unknown_fields=True):
         about_base = prior.T_map_base is not UNSET or prior.up_base is not UNSET
         if about_base and self.T_base_cam is None:
             raise ValueError("a prior about base needs T_base_cam")
+
+
+def view_of(tree: Any, name: str) -> ViewFile:
+    """What a file named `name` holds, by json_file. Raises DataError."""
+    for key, size in (("tags", 3), ("left", 2), ("right", 2)):
+        if isinstance(tree, dict) and key in tree:
+            check_points(tree[key], size, f"{name}: {key}")
+    file = as_record(tree, ViewFile, name)
+    if len(file.tags) > 1 and len(set(file.tags.values())) == 1:
+        raise DataError(f"{name}: tags: all {len(file.tags)} are at one place")
+    return file
+
+
+def check_inside(file: ViewFile, rig: RigCalibration, name: str) -> None:
+    """Raise DataError for a pixel that is in no image of `rig`, as if taken by another."""
+    _check_inside(file.left, rig.left, f"{name}: left")
+    _check_inside(file.right, rig.right, f"{name}: right")
+
+
+def _check_inside(
+    seen: Mapping[str, tuple[float, ...]], camera: CameraCalibration, name: str
+) -> None:
+    width_px, height_px = camera.width_px, camera.height_px
+    for tag, (u, v) in seen.items():
+        if not (-0.5 <= u <= width_px - 0.5 and -0.5 <= v <= height_px - 0.5):
+            raise DataError(
+                f"{name}: {tag} is at ({u:g}, {v:g}) px, expected to be within the rig's image of"
+                f" {width_px} x {height_px} px; is it the rig that saw this?"
+            )

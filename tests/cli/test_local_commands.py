@@ -61,11 +61,16 @@ def test_localize_answers_the_contract(tmp_path, both):
     assert found["chi2"] < 1e-6
     assert found["dof"] == (10 if both else 2)
     assert found["inliers"] == list("abcd")
-    assert (found["excluded"], found["state"], found["reasons"]) == ([], "good", [])
+    assert found["excluded"] == []
     for name in ("pdop", "odop_deg_per_mm", "ppdop_mm_per_px", "podop_deg_per_px"):
         assert found[name] > 0.0
     assert found["danger_cylinder_m"] > 0.0
-    assert found["protection_level_m"] is None
+    if both:
+        assert (found["state"], found["reasons"]) == ("good", [])
+        assert found["protection_level_m"] > 4.0 * np.sqrt(np.trace(found["cov"][:3][:3]) / 3)
+    else:
+        assert (found["state"], found["protection_level_m"]) == ("degraded", None)
+        assert "a, b, c, d" in found["reasons"][0]
 
 
 def test_localize_of_base_and_with_uncertain_tags(tmp_path):
@@ -179,7 +184,7 @@ def test_dop_by_trial(tags_file):
 def test_dop_of_too_few_tags_is_null(tmp_path):
     path = tmp_path / "two.json"
     path.write_text(json.dumps({tag: TAGS[tag] for tag in "ab"}))
-    found = json.loads(dop(str(path), "--focal-px", "1425", "--json").output)
+    found = json.loads(dop(str(path), "--focal-px", "1425", "--json").stdout)
     assert set(found.values()) == {None}
 
 

@@ -161,6 +161,13 @@ def test_too_few_pairs_no_images_no_partner(some_boards, tmp_path):
     assert "no images left* and right*" in refused(tmp_path, out)
 
 
+def test_one_camera_taken_for_two(some_boards, tmp_path):
+    folder = some_boards([1, 2, 4, 5, 6, 7])
+    for path in folder.glob("left*"):
+        (folder / path.name.replace("left", "right")).write_bytes(path.read_bytes())
+    assert "are left and right of two cameras?" in refused(folder, tmp_path / "rig.toml")
+
+
 def test_where_the_rig_cannot_be_written_is_told_before_the_work(tmp_path, monkeypatch):
     assert "no folder" in refused(tmp_path, tmp_path / "nowhere" / "rig.toml")
     assert "ends in .toml" in refused(tmp_path, tmp_path / "rig.png")
@@ -174,6 +181,8 @@ def test_where_the_rig_cannot_be_written_is_told_before_the_work(tmp_path, monke
         ("--board", "9", "--square-m", "0.03"),
         ("--board", "9x2", "--square-m", "0.03"),
         ("--board", "9x6", "--square-m", "0"),
+        ("--board", "9x6", "--square-m", "nan"),
+        ("--board", "9x6", "--square-m", "0.03", "--window-px", "0"),
         ("--board", "9x6"),
     ],
 )

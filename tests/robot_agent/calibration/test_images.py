@@ -49,18 +49,19 @@ def write(path: Path, image: np.ndarray) -> Path:
 
 
 def test_colour_becomes_grey(tmp_path: Path):
-    colour = np.zeros((4, 5, 3), np.uint8)
+    colour = np.zeros((64, 65, 3), np.uint8)
     colour[1, 2] = 200
     grey = read_grey(write(tmp_path / "a.png", colour))
     assert grey.dtype == np.uint8
-    assert grey.shape == (4, 5)
+    assert grey.shape == (64, 65)
     assert grey[1, 2] == 200
 
 
 def test_twelve_bits_in_sixteen_are_stretched(tmp_path: Path):
-    image = np.array([[0, 2048, 4095]], np.uint16)
-    assert read_grey(write(tmp_path / "a.tiff", image)).tolist() == [[0, 128, 255]]
-    black = np.zeros((2, 2), np.uint16)
+    black = np.zeros((64, 64), np.uint16)
+    image = black.copy()
+    image[0, :3] = 0, 2048, 4095
+    assert read_grey(write(tmp_path / "a.tiff", image))[0, :3].tolist() == [0, 128, 255]
     assert not read_grey(write(tmp_path / "b.png", black)).any()
 
 
@@ -70,3 +71,15 @@ def test_what_is_no_image_is_named(tmp_path: Path, content: bytes):
     path.write_bytes(content)
     with pytest.raises(DataError, match=r"left01\.png: not an image"):
         read_grey(path)
+
+
+@pytest.mark.parametrize(
+    ("image", "reason"),
+    [
+        (np.full((64, 64), np.nan, np.float32), r"pixels are float32, expected 8 or 16 bits"),
+        (np.zeros((3, 4), np.uint8), r"4 x 3 px, expected at least 64 px"),
+    ],
+)
+def test_images_of_another_kind(tmp_path: Path, image: np.ndarray, reason: str):
+    with pytest.raises(DataError, match=reason):
+        read_grey(write(tmp_path / "left01.tiff", image))
