@@ -11,6 +11,9 @@ Each step solves the normal equations of the five functions
 whose coefficients are b, A, A dq / (2 q^2), A du / q and A dv / q: Gauss-Newton with the linear
 unknowns eliminated. The last two come last, so what elimination leaves in their place is the
 information on the position. Without weights all sums separate into rows and columns.
+
+Arrays are few, and numbers returned rather than stored: to pass an array costs as much as to look
+at twenty pixels.
 """
 
 from typing import Any, NamedTuple
@@ -56,33 +59,39 @@ class Fit(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Window and mask (ny, nx), functions along x and y, normal matrix, shape sums,
-    and the sums of all pixels and of their squares.
+    """Room for what a fit needs.
 
-    The mask is 1, or 0 for pixels to leave out.
+    pixels   window and mask (2, ny, nx); the mask is 1, or 0 for pixels to leave out
+    along    functions along x, then those along y (6, n)
+    normal   normal matrix (5, 6)
     """
 
-    window: Array
-    mask: Array
-    along_x: Array
-    along_y: Array
+    pixels: Array
+    along: Array
     normal: Array
-    shape: Array
-    sums: Array
+
+
+class Shape(NamedTuple):
+    """Weighted sums over a window: of its values z, and of what only an elongated spot holds,
+
+    s = (dx^2 - dy^2) g and t = dx dy g. Two letters stand for a product, n for the pixels.
+    """
+
+    zs: float
+    zt: float
+    s: float
+    t: float
+    gs: float
+    gt: float
+    ss: float
+    tt: float
+    zz: float
+    n: float
 
 
 @compiled
 def workspace() -> Work:
-    room = (WIDEST, WIDEST)
-    return Work(
-        np.empty(room),
-        np.empty(room),
-        np.empty((3, WIDEST)),
-        np.empty((3, WIDEST)),
-        np.empty((5, 6)),
-        np.empty(10),
-        np.empty(2),
-    )
+    return Work(np.empty((2, WIDEST, WIDEST)), np.empty((6, WIDEST)), np.empty((5, 6)))
 
 
 @inlined
@@ -95,23 +104,25 @@ def fit(
     gain: float,
     weighted: bool,
     limits: tuple[float, float],
+    total: tuple[float, float],
 ) -> Fit:
     """From a start (u, v, q), with q kept within limits.
 
-    With a gain a pixel has the variance `variance` + gain A g; mask and gain count only where
-    `weighted`.
+    total: sum of all pixels, and of their squares. With a gain a pixel has the variance
+    `variance` + gain A g; mask and gain count only where `weighted`.
     """
     normal = work.normal
     u, v, q = start
     amplitude = 0.0
     at_limit = 0
     for step in range(_STEPS):
-        _exponentials(work.along_x, nx, u, q)
-        _exponentials(work.along_y, ny, v, q)
+        half = np.exp(-0.5 / q)
+        along_x = _along(work.along, 0, nx, u, q, half)
+        along_y = _along(work.along, 3, ny, v, q, half)
         if weighted:
-            _sum_weighted(work, nx, ny, gain * amplitude / variance)
+            shape = _sum_weighted(work, nx, ny, gain * amplitude / variance)
         else:
-            _sum_separable(work, nx, ny)
+            shape = _sum_separable(work, nx, ny, along_x, along_y, total)
         power = normal[1, 1]
         explained, gained, uu, uv, vv = _solve(normal)
         amplitude = normal[1, 5]
@@ -122,7 +133,7 @@ def fit(
         # What a step of n sigmas leaves undone is about n^2 / significance sigmas.
         if gained < _REMAINDER * significance * variance and (step > 0 or gain == 0.0):
             scale = variance * per * per / (uu * vv - uv * uv)
-            e1, e2, e_sigma = _elongation(work.shape, normal[0, 5], amplitude, per, variance)
+            e1, e2, e_sigma = _elongation(shape, normal[0, 5], amplitude, per, variance)
             return Fit(
                 True,
                 u + per * normal[3, 5],
@@ -134,8 +145,8 @@ def fit(
                 -uv * scale,
                 uu * scale,
                 significance,
-                (work.shape[8] - explained) / variance,
-                work.shape[9] - 5.0,
+                (shape.zz - explained) / variance,
+                shape.n - 5.0,
                 e1,
                 e2,
                 e_sigma,
@@ -160,115 +171,127 @@ def _kept(q: float, limits: tuple[float, float]) -> float:
 
 @compiled
 def _elongation(
-    shape: Array, level: float, amplitude: float, per: float, variance: float
+    shape: Any, level: float, amplitude: float, per: float, variance: float
 ) -> tuple[float, float, float]:
-    stretch = shape[0] - level * shape[2] - amplitude * shape[4]
-    skew = shape[1] - level * shape[3] - amplitude * shape[5]
-    sigma = per * np.sqrt(variance * max(4.0 / shape[6], 1.0 / shape[7]))
-    return 2.0 * per * stretch / shape[6], per * skew / shape[7], sigma
+    stretch = shape.zs - level * shape.s - amplitude * shape.gs
+    skew = shape.zt - level * shape.t - amplitude * shape.gt
+    sigma = per * np.sqrt(variance * max(4.0 / shape.ss, 1.0 / shape.tt))
+    return 2.0 * per * stretch / shape.ss, per * skew / shape.tt, sigma
 
 
 @inlined
-def _exponentials(along: Array, n: int, centre: float, q: float) -> None:
-    """g, d g and d^2 g at 0 ... n - 1 around `centre`, by recurrence."""
+def _along(along: Array, first: int, n: int, centre: float, q: float, half: float) -> Any:
+    """Rows g, d g and d^2 g at 0 ... n - 1 around `centre`, from row `first` on, by recurrence.
+
+    half: exp(-1 / (2 q)). Returns their sums, and the sums of g^2 times 1 ... d^4.
+    """
+    value, ratio, shrink = (
+        np.exp(-0.5 * centre * centre / q),
+        np.exp(centre / q) * half,
+        half * half,
+    )
+    s0 = s1 = s2 = a0 = a1 = a2 = a3 = a4 = 0.0
     d = -centre
-    value = np.exp(-0.5 * d * d / q)
-    ratio = np.exp(-(d + 0.5) / q)
-    shrink = np.exp(-1.0 / q)
     for i in range(n):
-        along[0, i] = value
-        along[1, i] = d * value
-        along[2, i] = d * d * value
+        dg = d * value
+        ddg = d * dg
+        along[first, i], along[first + 1, i], along[first + 2, i] = value, dg, ddg
+        s0 += value
+        s1 += dg
+        s2 += ddg
+        a0 += value * value
+        a1 += value * dg
+        a2 += dg * dg
+        a3 += dg * ddg
+        a4 += ddg * ddg
         value *= ratio
         ratio *= shrink
         d += 1.0
+    return s0, s1, s2, a0, a1, a2, a3, a4
 
 
 @inlined
-def _sum_separable(work: Any, nx: int, ny: int) -> None:
-    """Fill in normal matrix and shape sums, all pixels counting alike."""
-    s0, s1, s2, a0, a1, a2, a3, a4 = _moments(work.along_x, nx)
-    t0, t1, t2, b0, b1, b2, b3, b4 = _moments(work.along_y, ny)
-    along_x, along_y, window = work.along_x, work.along_y, work.window
-    d0 = dx = dy = dxx = dxy = dyy = 0.0
-    for j in range(ny):
-        p0 = p1 = p2 = 0.0
-        for i in range(nx):
-            value = window[j, i]
-            p0 += value * along_x[0, i]
-            p1 += value * along_x[1, i]
-            p2 += value * along_x[2, i]
-        d0 += p0 * along_y[0, j]
-        dx += p1 * along_y[0, j]
-        dy += p0 * along_y[1, j]
-        dxx += p2 * along_y[0, j]
-        dxy += p1 * along_y[1, j]
-        dyy += p0 * along_y[2, j]
+def _sum_separable(
+    work: Any, nx: int, ny: int, along_x: Any, along_y: Any, total: tuple[float, float]
+) -> Shape:
+    """Fill in the normal matrix, all pixels counting alike. along_x, along_y: sums, see _along."""
+    s0, s1, s2, a0, a1, a2, a3, a4 = along_x
+    t0, t1, t2, b0, b1, b2, b3, b4 = along_y
+    d0, dx, dy, dxx, dxy, dyy = _correlate(work.pixels, work.along, nx, ny)
     n = work.normal
     n[0, 0], n[0, 1], n[0, 2] = nx * ny, s0 * t0, s2 * t0 + s0 * t2
-    n[0, 3], n[0, 4], n[0, 5] = s1 * t0, s0 * t1, work.sums[0]
+    n[0, 3], n[0, 4], n[0, 5] = s1 * t0, s0 * t1, total[0]
     n[1, 1], n[1, 2], n[1, 3] = a0 * b0, a2 * b0 + a0 * b2, a1 * b0
     n[1, 4], n[1, 5] = a0 * b1, d0
     n[2, 2], n[2, 3] = a4 * b0 + 2.0 * a2 * b2 + a0 * b4, a3 * b0 + a1 * b2
     n[2, 4], n[2, 5] = a2 * b1 + a0 * b3, dxx + dyy
     n[3, 3], n[3, 4], n[3, 5] = a2 * b0, a1 * b1, dx
     n[4, 4], n[4, 5] = a0 * b2, dy
-    shape = work.shape
-    shape[0], shape[1] = dxx - dyy, dxy
-    shape[2], shape[3] = s2 * t0 - s0 * t2, s1 * t1
-    shape[4], shape[5] = a2 * b0 - a0 * b2, a1 * b1
-    shape[6], shape[7] = a4 * b0 - 2.0 * a2 * b2 + a0 * b4, a2 * b2
-    shape[8], shape[9] = work.sums[1], nx * ny
+    return Shape(
+        dxx - dyy,
+        dxy,
+        s2 * t0 - s0 * t2,
+        s1 * t1,
+        a2 * b0 - a0 * b2,
+        a1 * b1,
+        a4 * b0 - 2.0 * a2 * b2 + a0 * b4,
+        a2 * b2,
+        total[1],
+        float(nx * ny),
+    )
 
 
 @inlined
-def _moments(along: Array, n: int) -> Any:
-    """Sums of g, d g, d^2 g, and of g^2 times 1 ... d^4."""
-    s0 = s1 = s2 = a0 = a1 = a2 = a3 = a4 = 0.0
-    for i in range(n):
-        g, dg, ddg = along[0, i], along[1, i], along[2, i]
-        s0 += g
-        s1 += dg
-        s2 += ddg
-        a0 += g * g
-        a1 += g * dg
-        a2 += dg * dg
-        a3 += dg * ddg
-        a4 += ddg * ddg
-    return s0, s1, s2, a0, a1, a2, a3, a4
+def _correlate(pixels: Array, along: Array, nx: int, ny: int) -> Any:
+    """Sums of the window times g, dx g, dy g, dx^2 g, dx dy g, dy^2 g."""
+    d0 = dx = dy = dxx = dxy = dyy = 0.0
+    for j in range(ny):
+        p0 = p1 = p2 = 0.0
+        for i in range(nx):
+            value = pixels[0, j, i]
+            p0 += value * along[0, i]
+            p1 += value * along[1, i]
+            p2 += value * along[2, i]
+        d0 += p0 * along[3, j]
+        dx += p1 * along[3, j]
+        dy += p0 * along[4, j]
+        dxx += p2 * along[3, j]
+        dxy += p1 * along[4, j]
+        dyy += p0 * along[5, j]
+    return d0, dx, dy, dxx, dxy, dyy
 
 
 @compiled
-def _sum_weighted(work: Any, nx: int, ny: int, shot: float) -> None:
+def _sum_weighted(work: Any, nx: int, ny: int, shot: float) -> Shape:
     """As _sum_separable, a pixel counting by its mask / (1 + shot g)."""
-    n, shape, along_x, along_y = work.normal, work.shape, work.along_x, work.along_y
+    n, along, pixels = work.normal, work.along, work.pixels
     n[:] = 0.0
-    shape[:] = 0.0
+    zs = zt = s = t = gs = gt = ss = tt = zz = count = 0.0
     f = np.empty(6)
     for j in range(ny):
         for i in range(nx):
-            g = along_x[0, i] * along_y[0, j]
-            xx = along_x[2, i] * along_y[0, j]
-            yy = along_x[0, i] * along_y[2, j]
-            xy = along_x[1, i] * along_y[1, j]
-            w = work.mask[j, i] / (1.0 + shot * g)
-            value = work.window[j, i]
+            g = along[0, i] * along[3, j]
+            xx, yy = along[2, i] * along[3, j], along[0, i] * along[5, j]
+            xy = along[1, i] * along[4, j]
+            w = pixels[1, j, i] / (1.0 + shot * g)
+            value = pixels[0, j, i]
             f[0], f[1], f[2] = 1.0, g, xx + yy
-            f[3], f[4] = along_x[1, i] * along_y[0, j], along_x[0, i] * along_y[1, j]
+            f[3], f[4] = along[1, i] * along[3, j], along[0, i] * along[4, j]
             f[5] = value
             for k in range(5):
                 for m in range(k, 6):
                     n[k, m] += w * f[k] * f[m]
-            shape[0] += w * value * (xx - yy)
-            shape[1] += w * value * xy
-            shape[2] += w * (xx - yy)
-            shape[3] += w * xy
-            shape[4] += w * g * (xx - yy)
-            shape[5] += w * g * xy
-            shape[6] += w * (xx - yy) ** 2
-            shape[7] += w * xy * xy
-            shape[8] += w * value * value
-            shape[9] += work.mask[j, i]
+            zs += w * value * (xx - yy)
+            zt += w * value * xy
+            s += w * (xx - yy)
+            t += w * xy
+            gs += w * g * (xx - yy)
+            gt += w * g * xy
+            ss += w * (xx - yy) ** 2
+            tt += w * xy * xy
+            zz += w * value * value
+            count += pixels[1, j, i]
+    return Shape(zs, zt, s, t, gs, gt, ss, tt, zz, count)
 
 
 @inlined

@@ -1,9 +1,14 @@
 """Which spot of the left image is which of the right, and where it is.
 
 Two spots can be the same tag when both rays meet: the smallest reprojection error of any point, in
-units of the spots' covariances and of what the rig itself may be off, is chi2 distributed with one
-degree of freedom. Each spot takes part in at most one match. What geometry cannot decide, because
-several spots lie on one epipolar line, is decided by the smallest sum but flagged; the laser knows.
+units of its deviation, is chi2 distributed with one degree of freedom. Each spot takes part in at
+most one match. What geometry cannot decide, because several spots lie on one epipolar line, is
+decided by the smallest sum but flagged; the laser knows.
+
+The deviation is that of both spots and of the rig, which may be off by as much as the residuals of
+its calibration, `sigma_px`: how much of them was the boards' noise is not known, and no true pair
+shall be lost. A position is what the spots say through the rig as it is, with their covariance
+alone: an error of the rig is no noise, but moves all tags of a neighbourhood alike.
 """
 
 from collections.abc import Iterable
@@ -34,8 +39,8 @@ class Candidates:
     """Pairs that may be one tag, by ascending chi2.
 
     pairs (K, 2)     indices (left, right)
-    p_cam (K, 3)     most likely positions in m, with cov (K, 3, 3)
-    chi2 (K,)
+    p_cam (K, 3)     most likely positions in m, with cov (K, 3, 3), both from the spots alone
+    chi2 (K,)        by the spots' covariances and what the rig may be off
     """
 
     pairs: Index
@@ -122,7 +127,7 @@ def candidates(
 def _near_epipolar(rig: StereoRig, left: View, right: View, gate: Gate) -> Index:
     """Pairs (K, 2) within twice the gate by Sampson's first-order chi2 (Luong & Faugeras 1996).
 
-    e = x_right' E x_left over its variance, from the covariances of both rays.
+    e = x_right' E x_left over its variance, from the covariances of both rays, the rig's included.
     """
     i, j = left.index, right.index
     x_left, cov_left = _rays(rig.left, left, i, rig.sigma_px)
@@ -139,18 +144,15 @@ def _near_epipolar(rig: StereoRig, left: View, right: View, gate: Gate) -> Index
 
 
 def _rays(lens: Camera, view: View, index: Index, sigma_px: float) -> tuple[Array, Array]:
-    """Ideal rays (N, 3) with z = 1, and the covariance (N, 2, 2) of their x and y."""
+    """Ideal rays (N, 3) with z = 1, and the covariance (N, 2, 2) of their x and y.
+
+    sigma_px: what the lens may be off.
+    """
     ray = camera.undistort(lens, view.px[index])
     _, D = camera.distort(lens, ray)
     G = np.linalg.inv(np.where(np.isfinite(D), lens.focal_px[:, None] * D, np.eye(2)))
-    cov = G @ _with_rig(view.cov[index], sigma_px) @ np.swapaxes(G, -1, -2)
+    cov = G @ (view.cov[index] + sigma_px**2 * np.eye(2)) @ np.swapaxes(G, -1, -2)
     return np.concatenate([ray, np.ones((len(ray), 1))], axis=-1), cov
-
-
-def _with_rig(cov: Array, sigma_px: float) -> Array:
-    """Of a spot as seen through a lens that is known to `sigma_px` only."""
-    total: Array = cov + sigma_px**2 * np.eye(2)
-    return total
 
 
 def _essential(rig: StereoRig) -> Array:
@@ -164,10 +166,10 @@ def _place(rig: StereoRig, left: View, right: View, pairs: Index, gate: Gate) ->
     """Those pairs (K, 2) that are a point in front of both cameras and within range."""
     i, j = pairs.T
     cov_px = np.zeros((len(pairs), 4, 4))
-    cov_px[:, :2, :2] = _with_rig(left.cov[i], rig.sigma_px)
-    cov_px[:, 2:, 2:] = _with_rig(right.cov[j], rig.sigma_px)
+    cov_px[:, :2, :2], cov_px[:, 2:, 2:] = left.cov[i], right.cov[j]
     px = np.concatenate([left.px[i], right.px[j]], axis=-1)
-    p_cam, cov, chi2 = stereo.triangulate(rig, px, cov_px)
+    p_cam, cov, _ = stereo.triangulate(rig, px, cov_px)
+    _, _, chi2 = stereo.triangulate(rig, px, cov_px + rig.sigma_px**2 * np.eye(4))
     distance_m = np.linalg.norm(p_cam, axis=-1)
     least_m, most_m = gate.range_m
     order = np.argsort(chi2, kind="stable")

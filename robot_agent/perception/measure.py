@@ -121,7 +121,7 @@ def measure(image: Any, sensor: Any, starts: Array, flags: Index) -> Array:
     return rows
 
 
-@compiled
+@inlined
 def _measure_one(image: Any, sensor: Any, start: Array, flag: int, work: Any, row: Array) -> int:
     """Fill in a row; returns the flags, or DROPPED."""
     height, width = image.shape
@@ -133,7 +133,10 @@ def _measure_one(image: Any, sensor: Any, start: Array, flag: int, work: Any, ro
         x, y = math.floor(u + 0.5), math.floor(v + 0.5)
         left, right = max(x - half, 0), min(x + half + 1, width)
         top, bottom = max(y - half, 0), min(y + half + 1, height)
-        clipped = load(image, left, top, right, bottom, sensor.full_scale, work)
+        highest, total = load(image, left, top, right, bottom, work.pixels)
+        weighted = highest >= sensor.full_scale or sensor.gain > 0.0
+        if weighted:
+            _mask(work.pixels, right - left, bottom - top, sensor.full_scale)
         spot = gaussian.fit(
             work,
             right - left,
@@ -141,8 +144,9 @@ def _measure_one(image: Any, sensor: Any, start: Array, flag: int, work: Any, ro
             (u - left, v - top, q),
             variance,
             sensor.gain,
-            clipped or sensor.gain > 0.0,
+            weighted,
             limits,
+            total,
         )
         u, v, q = spot.u + left, spot.v + top, spot.q
         outside = not (-0.5 < u < width - 0.5 and -0.5 < v < height - 0.5)
@@ -172,25 +176,27 @@ def _measure_one(image: Any, sensor: Any, start: Array, flag: int, work: Any, ro
 
 
 @inlined
-def load(
-    image: Any, left: int, top: int, right: int, bottom: int, full_scale: float, work: Any
-) -> bool:
-    """Fill window and mask; whether something in it is saturated, and so left out."""
-    window, mask = work.window, work.mask
-    nx, ny = right - left, bottom - top
-    clipped = False
-    total = square = 0.0
-    for j in range(ny):
+def load(image: Any, left: int, top: int, right: int, bottom: int, pixels: Array) -> Any:
+    """Fill the window. Returns its brightest pixel, and the sums of all and of their squares."""
+    highest = image[top, left]
+    total, square = np.int64(0), np.int64(0)
+    for j in range(bottom - top):
         row = image[top + j, left:right]
-        for i in range(nx):
-            value = float(row[i])
-            clipped |= value >= full_scale
-            window[j, i] = value
+        for i in range(len(row)):
+            value = np.int64(row[i])
+            highest = max(highest, row[i])
             total += value
             square += value * value
-            mask[j, i] = 0.0 if value >= full_scale else 1.0
-    work.sums[0], work.sums[1] = total, square
-    return clipped
+            pixels[0, j, i] = value
+    return highest, (float(total), float(square))
+
+
+@compiled
+def _mask(pixels: Array, nx: int, ny: int, full_scale: float) -> None:
+    """What is saturated is left out."""
+    for j in range(ny):
+        for i in range(nx):
+            pixels[1, j, i] = 1.0 if pixels[0, j, i] < full_scale else 0.0
 
 
 @compiled

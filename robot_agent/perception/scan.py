@@ -16,7 +16,7 @@ TILE_PX = 256
 TILE_ROWS = 128
 
 _BAND_ROWS = 8
-"""Of a block: a byte has a bit for each. Divides TILE_ROWS."""
+"""Of a block: a bit each in a byte. Divides TILE_ROWS."""
 
 _PLACES = 5
 _RUN_PX = 16
@@ -95,16 +95,20 @@ def peaks(image: Any, background: Array, excess: float, found: Index) -> int:
     Returns how many there are, which may be more than `found` holds.
     """
     thresholds = _thresholds(image, background, excess)
-    bright = _bright_blocks(image, thresholds)
+    bright = np.empty((TILE_ROWS // _BAND_ROWS, background.shape[1]), np.uint8)
     eights = np.empty(TILE_PX // 8, np.uint64)
     crests = eights.view(np.uint8)
     n = 0
-    for band in range(bright.shape[0]):
-        for column in range(bright.shape[1]):
-            if bright[band, column]:
-                top, left = band * _BAND_ROWS, column * TILE_PX
-                least = thresholds[top // TILE_ROWS, column]
-                n = _peaks_of_block(image, top, left, least, eights, crests, found, n)
+    # One row of tiles at a time is still in the fast caches when its blocks are looked at.
+    for tile_row in range(background.shape[0]):
+        threshold, top = thresholds[tile_row], tile_row * TILE_ROWS
+        _mark_blocks(image, top, threshold, bright)
+        for band in range(bright.shape[0]):
+            for column in range(bright.shape[1]):
+                rows = bright[band, column]
+                if rows:
+                    y, x, least = top + band * _BAND_ROWS, column * TILE_PX, threshold[column]
+                    n = _peaks_of_block(image, y, x, rows, least, eights, crests, found, n)
     return n
 
 
@@ -121,22 +125,19 @@ def _thresholds(image: Any, background: Array, excess: float) -> Any:
 
 
 @compiled
-def _bright_blocks(image: Any, thresholds: Any) -> Any:
-    """Which blocks (bands, tile columns) hold something at or above the threshold of their tile."""
+def _mark_blocks(image: Any, top: int, threshold: Any, bright: Any) -> None:
+    """Bits of the rows in which a block (bands, columns) of a tile row reaches its threshold."""
     height, width = image.shape
-    bright = np.zeros((-(-height // _BAND_ROWS), thresholds.shape[1]), np.bool_)
-    for tile_row in range(thresholds.shape[0]):
-        threshold = thresholds[tile_row]
-        least = threshold.min()
-        for y in range(tile_row * TILE_ROWS, min((tile_row + 1) * TILE_ROWS, height)):
-            row = image[y]
-            if _brightest(row) < least:
-                continue
-            for column in range(len(threshold)):
-                left = column * TILE_PX
-                if _brightest(row[left : min(left + TILE_PX, width)]) >= threshold[column]:
-                    bright[y // _BAND_ROWS, column] = True
-    return bright
+    bright[:] = 0
+    least = threshold.min()
+    for y in range(top, min(top + TILE_ROWS, height)):
+        row = image[y]
+        if _brightest(row) < least:
+            continue
+        for column in range(len(threshold)):
+            left = column * TILE_PX
+            if _brightest(row[left : min(left + TILE_PX, width)]) >= threshold[column]:
+                bright[(y - top) // _BAND_ROWS, column] |= 1 << y % _BAND_ROWS
 
 
 @inlined
@@ -152,13 +153,14 @@ def _peaks_of_block(
     image: Any,
     top: int,
     left: int,
+    rows: Any,
     threshold: Any,
     eights: Any,
     crests: Any,
     found: Index,
     n: int,
 ) -> int:
-    """Add the peaks of one block to the n that there are.
+    """Add the peaks in those rows of a block whose bits are set to the n that there are.
 
     crests: room for a byte per column, whose bits say in which rows it is no darker than above and
     below. eights: the same memory, eight at a time.
@@ -166,7 +168,9 @@ def _peaks_of_block(
     height, width = image.shape
     right = min(left + TILE_PX, width)
     eights[:] = 0
-    for k in range(min(_BAND_ROWS, height - top)):
+    for k in range(_BAND_ROWS):
+        if not rows >> k & 1:
+            continue
         y = top + k
         row, above = image[y, left:right], image[max(y - 1, 0), left:right]
         below = image[min(y + 1, height - 1), left:right]
@@ -178,13 +182,13 @@ def _peaks_of_block(
         if eights[i] == 0:
             continue
         for x in range(8 * i, 8 * i + 8):
-            rows, y = crests[x], top
-            while rows:
-                if rows & 1 and _is_peak(image, y, left + x):
+            left_over, y = crests[x], top
+            while left_over:
+                if left_over & 1 and _is_peak(image, y, left + x):
                     if n < found.shape[0]:
                         found[n, 0], found[n, 1] = y, left + x
                     n += 1
-                rows >>= 1
+                left_over >>= 1
                 y += 1
     return n
 

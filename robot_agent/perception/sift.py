@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_agent.perception.compiled import compiled
+from robot_agent.perception.compiled import compiled, inlined
 from robot_agent.perception.flags import Flag
 from robot_agent.perception.scan import TILE_PX, TILE_ROWS
 from tagmap.conventions import Array, Index
@@ -38,9 +38,7 @@ def noise(sensor: Any, level: float) -> float:
 
 
 @compiled
-def starts_at(
-    image: Any, background: Array, sensor: Any, peaks: Index
-) -> tuple[Array, Index]:
+def starts_at(image: Any, background: Array, sensor: Any, peaks: Index) -> tuple[Array, Index]:
     """Of n peaks (row, column): starts (k, 4) as u, v, variance q, level; and flags (k,).
 
     Noise is left out, a lamp appears once.
@@ -79,7 +77,7 @@ def starts_at(
     return starts[:kept], flags[:kept]
 
 
-@compiled
+@inlined
 def _surroundings(image: Any, y: int, x: int, ring: Array) -> float:
     """Median of eight pixels around, so that a neighbouring spot does not matter."""
     height, width = image.shape
@@ -134,7 +132,7 @@ def _flood(
     return n, u / n, v / n
 
 
-@compiled
+@inlined
 def _start(
     image: Any, y: int, x: int, level: float, sigma: float, sensor: Any, start: Array
 ) -> int:

@@ -101,4 +101,3 @@ def _check(image: Image) -> None:
     if min(image.shape) < LEAST_SIDE_PX:
         height, width = image.shape
         raise ValueError(f"image is {width}x{height} px, expected at least {LEAST_SIDE_PX} a side")
-

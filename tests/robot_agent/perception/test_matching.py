@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_agent.perception.matching import Matches, View, candidates, match
+from fleet.simulation.image import Sensor, add_spots, dark, expose, flux_of_peak
+from robot_agent.perception.matching import Candidates, Matches, View, candidates, match
+from robot_agent.perception.spots import detect
 from tagmap.conventions import Array
 from tagmap.geometry import stereo
 from tagmap.records.arrays import stereo_rig
@@ -84,12 +86,11 @@ def test_each_spot_is_used_once_and_the_rest_is_listed():
         assert sorted([*matched, *unmatched]) == list(range(len(view_.px)))
 
 
-def test_positions_scatter_as_their_covariance_says():
-    """Spots off by their own noise and by what the rig is off."""
+def nees_of_positions(noise_px: float) -> list[float]:
+    """Squared errors by the covariances stated for SIGMA_PX, of spots off by `noise_px`."""
     rng = np.random.default_rng(3)
-    noise_px = np.hypot(SIGMA_PX, WIDE.sigma_px)
     nees = []
-    for _ in range(100):
+    for _ in range(150):
         p_cam = scattered(WIDE, rng, 3)
         (left, in_left), (right, in_right) = look(WIDE, p_cam, rng, noise_px)
         chosen = match(WIDE, left, right).chosen
@@ -97,8 +98,53 @@ def test_positions_scatter_as_their_covariance_says():
             if in_left[i] == in_right[j]:
                 error = p - p_cam[in_left[i]]
                 nees.append(error @ np.linalg.solve(cov, error))
+    return nees
+
+
+def assert_consistent(nees: list[float]) -> None:
+    """Their mean, of three degrees of freedom each, is in its 95 % band."""
+    assert abs(np.mean(nees) - 3.0) < 1.96 * np.sqrt(6.0 / len(nees))
+
+
+def test_positions_scatter_as_their_covariance_says():
+    nees = nees_of_positions(SIGMA_PX)
+    assert len(nees) > 200
+    assert_consistent(nees)
+
+
+def test_no_pair_is_lost_to_a_rig_that_is_off_by_its_sigma():
+    """Though its errors are none of the spots' noise, and not in the covariance of a position."""
+    off_px = float(np.hypot(SIGMA_PX, WIDE.sigma_px))
+    assert len(nees_of_positions(off_px)) == len(nees_of_positions(SIGMA_PX))
+
+
+def test_positions_from_images_scatter_as_their_covariance_says():
+    rng, nees = np.random.default_rng(9), []
+    for _ in range(5):
+        p_cam, found = rendered(rng)
+        for p, cov in zip(found.p_cam, found.cov, strict=True):
+            error = p_cam - p
+            error = error[np.linalg.norm(error, axis=-1).argmin()]
+            nees.append(float(error @ np.linalg.solve(cov, error)))
     assert len(nees) > 150
-    assert np.mean(nees) == pytest.approx(3.0, abs=4.0 * np.sqrt(6.0 / len(nees)))
+    assert_consistent(nees)
+
+
+def rendered(rng: np.random.Generator) -> tuple[Array, Candidates]:
+    """Tags (N, 3) on a grid that no two share an epipolar line of, and what two images say."""
+    x, y = np.meshgrid(np.linspace(-1.2, 1.2, 6), np.linspace(-1.2, 1.2, 6))
+    p_cam = np.stack([x.ravel(), (y + 0.08 * x).ravel(), np.full(x.size, 3.5)], axis=-1)
+    p_cam += rng.uniform(-0.01, 0.01, p_cam.shape)
+    px, _ = stereo.project(WIDE, p_cam)
+    views = []
+    for side, camera in ((0, WIDE.left), (2, WIDE.right)):
+        sensor = Sensor(camera.width_px, camera.height_px, read_noise=2.0)
+        light = dark(sensor, 20.0)
+        add_spots(light, px[:, side : side + 2], flux_of_peak(60.0, 1.2))
+        spots = detect(expose(light, sensor, rng))
+        views.append(View(spots.px, spots.cov_px2, spots.usable))
+    matches = match(WIDE, *views)
+    return p_cam, matches.chosen.at(~matches.ambiguous)
 
 
 def on_one_epipolar_line():
