@@ -1,5 +1,8 @@
 """Grey images from files that a camera or a person has written."""
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from robot_agent.perception.spots import LEAST_SIDE_PX, Image
@@ -17,7 +20,8 @@ def read_image(path: Path) -> Image:
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}") from None
     try:
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+        with _decoders_hushed():
+            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
     except cv2.error:
         image = None
     if image is None:
@@ -29,6 +33,25 @@ def read_image(path: Path) -> Image:
     if min(image.shape) < LEAST_SIDE_PX:
         raise DataError(f"{path}: is {size(image)} px, expected at least {LEAST_SIDE_PX} a side")
     return image
+
+
+@contextmanager
+def _decoders_hushed() -> Iterator[None]:
+    """libpng and libtiff write to the process's stderr what the one line of an error says."""
+    stderr = 2
+    try:
+        kept = os.dup(stderr)
+    except OSError:  # It is closed, so nothing can be heard.
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stderr)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        os.dup2(kept, stderr)
+        os.close(kept)
 
 
 def check_pair(left: Image, right: Image, names: tuple[Path, Path]) -> None:

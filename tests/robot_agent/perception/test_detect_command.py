@@ -119,6 +119,8 @@ def wrong_images(folder: Path) -> dict[str, tuple[Path, str]]:
         "small.png": (even[:480, :640], "is 640x480 px"),
         "deep.png": (even.astype(np.uint16), "uint16"),
         "float.tiff": (even.astype(np.float32), "float32"),
+        "nan.tiff": (np.full(shape, np.nan, np.float32), "float32"),
+        "signed.tiff": (even.astype(np.int16), "int16"),
     }
     made = {}
     for name, (image, reason) in images.items():
@@ -128,18 +130,25 @@ def wrong_images(folder: Path) -> dict[str, tuple[Path, str]]:
     (folder / "empty.png").write_bytes(b"")
     whole = cv2.imencode(".png", even)[1].tobytes()
     (folder / "cut.png").write_bytes(whole[:40])
-    for name in ("text.png", "empty.png", "cut.png"):
+    whole = cv2.imencode(".png", np.arange(even.size, dtype=np.uint8).reshape(shape))[1].tobytes()
+    (folder / "half.png").write_bytes(whole[: len(whole) // 2])
+    whole = cv2.imencode(".tif", even)[1].tobytes()
+    (folder / "half.tif").write_bytes(whole[: len(whole) // 2])
+    for name in ("text.png", "empty.png", "cut.png", "half.png", "half.tif"):
         made[name] = (folder / name, "not an image")
     made["missing"] = (folder / "missing.png", "No such file")
     made["a folder"] = (folder, "directory")
     return made
 
 
-def test_wrong_images_are_refused_in_one_line(pair: tuple[Path, Path], tmp_path: Path):
+def test_wrong_images_are_refused_in_one_line(
+    pair: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
     for path, reason in wrong_images(tmp_path).values():
         done = detect(pair[0], path, "--rig", RIG)
         assert_refused(done, reason)
         assert str(path) in done.stderr
+    assert capfd.readouterr().err == "", "decoders speak past Python's stderr"
 
 
 def test_wrong_rigs_are_refused_in_one_line(pair: tuple[Path, Path], tmp_path: Path):
