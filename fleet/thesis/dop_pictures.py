@@ -26,25 +26,30 @@ LABELS = {
     "podop_deg_per_px": "PODOP, degrees per px",
 }
 _TILT = "tilt, degrees"
+_PEAK: dict[str, Any] = {"color": GREY, "ls": ":", "lw": 1.1}
 
 
 def draw_curves(path: Path, data: dict[str, Any]) -> None:
     """Position and axis over tilt: the bound as a line, both methods as marks on it."""
     curves = data["curves"]
 
+    from matplotlib.lines import Line2D
+
     def draw(figure: "Figure", panels: list["Axes"]) -> None:
         for axes, side in zip(panels, (0, 1), strict=True):
             name = curves[0]["names"][side]
-            for curve, colour in zip(curves, SERIES, strict=False):
+            for curve, series in zip(curves, SERIES, strict=False):
                 marks = (curve["thesis_method"][name], curve["ours"][name])
                 line = (curve["bound_line"]["tilt_deg"], curve["bound_line"][name])
-                compare(axes, line, curve["tilt_deg"], marks, colour, _name(curve, curves))
+                compare(axes, line, curve["tilt_deg"], marks, series)
             _peaks(axes, curves)
             axes.set(xlabel=_TILT, ylabel=LABELS[name], yscale="log")
             axes.set_xlim(3.0, 82.0)
             axes.set_ylim(top=2.5 * max(max(curve["bound"][name]) for curve in curves))
             log_ticks(axes)
-        legend_below(figure, panels[0], len(curves) + 1)
+        names = [_name(curve, curves) for curve in curves]
+        dotted = Line2D([], [], label="asin(r/R): on the danger cylinder", **_PEAK)
+        legend_below(figure, dict(zip(names, SERIES, strict=False)), dotted)
 
     picture(path, 2, draw, (8.0, 4.6))
 
@@ -60,13 +65,11 @@ def _name(curve: dict[str, Any], curves: list[dict[str, Any]]) -> str:
 def _peaks(axes: "Axes", curves: list[dict[str, Any]]) -> None:
     from math import asin, degrees
 
-    label = "asin(r/R): on the danger cylinder"
     for ratio in sorted({c["r_mm"] / c["R_mm"] for c in curves}):
         peak = degrees(asin(ratio))
         if peak > curves[0]["tilt_deg"][-1]:
             continue
-        axes.axvline(peak, color=GREY, linestyle=":", linewidth=1.1, zorder=0, label=label)
-        label = "_"
+        axes.axvline(peak, zorder=0, **_PEAK)
         axes.annotate(
             f"{peak:.1f}°",
             (peak, 1.0),
@@ -101,12 +104,12 @@ def _over_tilt(axes: "Axes", curve: dict[str, Any]) -> None:
     other.set_ylim(0.0)
     other.grid(False)
     other.spines["right"].set_visible(True)
-    axes.axvline(curve["peak_deg"], color=GREY, linestyle=":", linewidth=1.1)
+    axes.axvline(curve["peak_deg"], **_PEAK)
     axes.set_title(f"r/R = {curve['r_mm']:g}/{curve['R_mm']:g}: peak where it is 0")
 
 
 def _by_distance(axes: "Axes", curves: list[dict[str, Any]]) -> None:
-    for curve, colour in zip(curves, SERIES, strict=True):
+    for curve, (colour, _) in zip(curves, SERIES, strict=True):
         for inside, style in ((True, "-"), (False, "--")):
             points = [
                 (distance, dop)
@@ -120,8 +123,8 @@ def _by_distance(axes: "Axes", curves: list[dict[str, Any]]) -> None:
             side = "inside" if inside else "outside"
             label = f"{curve['r_mm']:g}/{curve['R_mm']:g}, {side}"
             axes.plot(*zip(*points, strict=True), color=colour, linestyle=style, label=label)
-    axes.plot([1.0, 30.0], [900.0, 30.0], color=GREY, linewidth=0.9)
-    axes.text(1.0, 60.0, "1 / distance", color=GREY)
+    axes.plot([1.0, 20.0], [400.0, 20.0], color=GREY, linewidth=0.9)
+    axes.text(0.9, 25.0, "1 / distance", color=GREY)
     axes.set(xscale="log", yscale="log")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.set(xlabel="distance to the danger cylinder, mm", ylabel="PDOP, mm per mm")
@@ -132,13 +135,14 @@ def _by_distance(axes: "Axes", curves: list[dict[str, Any]]) -> None:
 
 def _cures(axes: "Axes", cures: dict[str, Any]) -> None:
     lines = (
-        ("three_tags_one_image", "three tags, one image", BLUE, "-", 30.0),
-        ("four_tags_one_image", "four tags, one image", GREEN, "--", 4.3),
-        ("three_tags_two_images", "three tags, two images", VERMILION, "-.", 2.3),
+        ("three_tags_one_image", "three tags, one image", BLUE, "-", 100.0),
+        ("four_tags_one_image", "four tags, one image", GREEN, "--", 2.55),
+        ("three_tags_two_images", "three tags, two images", VERMILION, "-.", 1.3),
     )
     for name, label, colour, style, height in lines:
         axes.plot(cures["tilt_deg"], cures[name], color=colour, linestyle=style)
-        axes.text(5.0 if height < 10.0 else 47.0, height, label, color=colour, fontsize=8.0)
+        axes.text(5.0 if height < 10.0 else 44.0, height, label, color=colour, fontsize=8.0)
     axes.set(xlabel=_TILT, ylabel="PDOP, mm per mm", yscale="log")
+    axes.set_ylim(bottom=1.0)
     axes.set_title("What takes the peak away")
     log_ticks(axes)

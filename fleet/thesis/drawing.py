@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 # Okabe and Ito (2008): distinct for every kind of colour vision, and in print.
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY = (
@@ -18,7 +19,11 @@ BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY = (
     "#56B4E9",
 )
 INK, GREY = "#222222", "#777777"
-SERIES = (BLUE, VERMILION, GREEN)
+SERIES = ((BLUE, "-"), (VERMILION, "--"), (GREEN, "-."))
+"""Colour and line of the first, second and third of a kind: two that coincide are both seen."""
+
+_RING: dict[str, Any] = {"ls": "none", "marker": "o", "mfc": "none", "ms": 6.5}
+_CROSS: dict[str, Any] = {"ls": "none", "marker": "x", "ms": 4.0}
 
 _STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -61,15 +66,13 @@ def compare(
     bound: tuple[list[float], list[float]],
     x: list[float],
     found: tuple[list[float], list[float]],
-    colour: str,
-    name: str,
+    series: tuple[str, str],
 ) -> None:
     """A bound (x, y) as a line; the thesis's method and ours at x as rings and crosses on it."""
-    theirs, ours = found
-    axes.plot(*bound, color=colour, label=f"{name}: bound")
-    label = f"{name}: thesis's method"
-    axes.plot(x, theirs, color=colour, ls="none", marker="o", mfc="none", ms=6.5, label=label)
-    axes.plot(x, ours, color=colour, ls="none", marker="x", ms=4.0, label=f"{name}: ours")
+    (theirs, ours), (colour, style) = found, series
+    axes.plot(*bound, color=colour, ls=style)
+    axes.plot(x, theirs, color=colour, **_RING)
+    axes.plot(x, ours, color=colour, **_CROSS)
 
 
 def log_ticks(axes: "Axes") -> None:
@@ -83,6 +86,15 @@ def log_ticks(axes: "Axes") -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def legend_below(figure: "Figure", axes: "Axes", columns: int) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+def legend_below(figure: "Figure", series: dict[str, tuple[str, str]], *more: "Line2D") -> None:
+    """What lines, rings, crosses and `more` mean, then what the colours do."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=INK, label="bound"),
+        Line2D([], [], color=INK, label="thesis's method", **_RING),
+        Line2D([], [], color=INK, label="ours", **_CROSS),
+        *more,
+        *(Line2D([], [], color=c, ls=style, label=name) for name, (c, style) in series.items()),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)

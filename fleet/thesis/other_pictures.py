@@ -9,6 +9,7 @@ from fleet.thesis.drawing import (
     GREY,
     INK,
     ORANGE,
+    SERIES,
     VERMILION,
     compare,
     legend_below,
@@ -20,10 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DIRECTIONS = {"across": BLUE, "diagonal": GREEN, "along": VERMILION}
+DIRECTIONS = dict(zip(("across", "diagonal", "along"), SERIES, strict=True))
+_CLAIM: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 7.0}
 
 
 def draw_ranging(path: Path, data: dict[str, Any]) -> None:
+    from matplotlib.lines import Line2D
+
     apart = data["images"][0]["separation_m"]
     projections = [row for row in data["projections"] if row["separation_m"] == apart]
 
@@ -37,21 +41,21 @@ def draw_ranging(path: Path, data: dict[str, Any]) -> None:
         for axes in panels:
             axes.set_ylim(low, high)
             log_ticks(axes)
-        legend_below(figure, panels[0], 4)
+        label = f"thesis: below {data['claimed_mm']:g} mm at {data['claimed_at_m']:g} m"
+        legend_below(figure, DIRECTIONS, Line2D([], [], color=INK, label=label, **_CLAIM))
 
     picture(path, 2, draw, (8.0, 4.5))
 
 
 def _ranging(axes: "Axes", rows: list[dict[str, Any]], data: dict[str, Any]) -> None:
-    for name, colour in DIRECTIONS.items():
+    for name, series in DIRECTIONS.items():
         mine = [row for row in rows if row["direction"] == name]
         z = [row["range_m"] for row in mine]
         marks = ([r["thesis_method_mm"] for r in mine], [r["ours_mm"] for r in mine])
-        compare(axes, (z, [r["bound_mm"] for r in mine]), z, marks, colour, name)
+        compare(axes, (z, [r["bound_mm"] for r in mine]), z, marks, series)
     claimed, at = data["claimed_mm"], data["claimed_at_m"]
     axes.axhline(claimed, color=GREY, linestyle=":", linewidth=1.1, zorder=0)
-    label = f"thesis: below {claimed:g} mm at {at:g} m"
-    axes.plot([at], [claimed], marker="v", color=INK, ms=7.0, ls="none", label=label)
+    axes.plot([at], [claimed], color=INK, **_CLAIM)
     axes.set(xlabel="range, m", ylabel="RMS error of the distance, mm", yscale="log")
 
 
@@ -71,7 +75,8 @@ def draw_table(path: Path, data: dict[str, Any]) -> None:
         axes.set(ylabel=f"RMS, {unit}", yscale="log")
         axes.grid(axis="x", visible=False)
         log_ticks(axes)
-        legend_below(figure, axes, 3)
+        handles, labels = axes.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
 
     picture(path, 1, draw, (8.0, 4.0))
 
