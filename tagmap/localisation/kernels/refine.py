@@ -12,9 +12,9 @@ from tagmap.localisation.kernels.square import Square, dot, factor, solve
 from tagmap.localisation.kernels.view import View, linearise
 
 _MAX_STEPS = 25
-# A step that gains less chi2 than this moves the pose by 0.3 sigma; what it leaves is of second
+# A step that gains less chi2 than this moves the pose by 0.1 sigma; what it leaves is of second
 # order in that.
-_LAST_GAIN = 0.1
+_LAST_GAIN = 0.01
 _MOST_DAMPING = 1e8
 
 
@@ -23,7 +23,7 @@ def refine(view: View, T: Pose) -> tuple[float, Pose, Square]:
     """chi2, T_map_cam and information of the optimum nearest to T (Levenberg-Marquardt).
 
     chi2 is infinite if there is none; the information is that of the last linearisation, at most
-    0.3 sigma away.
+    0.1 sigma away.
     """
     chi2, H, g = linearise(view, T)
     damping = 0.0
