@@ -107,7 +107,7 @@ def _show(calibration: "StereoCalibration", files: dict[str, str], as_json: bool
         )
     ]
     left_out = [[name, *4 * [None], reason] for name, reason in contract["rejected"].items()]
-    columns = ["pair", "left px", "right px", "window", "with 11 px", "left out"]
+    columns = ["pair", "left px", "right px", "window px", "with 11 px", "left out"]
     show_table("pairs", columns, sorted(used + left_out, key=lambda row: str(row[0])))
     sigmas = contract["sigmas"]
     facts = {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tagmap.cli.ask import MAX_REPLY_BYTES, TIMEOUT_S, get
-from tagmap.cli.options import Target, client
+from tagmap.cli.options import Number, Target, client
 from tagmap.cli.show import show_facts, show_json
 from tagmap.errors import ConfigError
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 STDIN = "-"
 
-_PROBABILITY = click.FloatRange(min=0.0, max=1.0, max_open=True)
+_PROBABILITY = Number(min=0.0, max=1.0, max_open=True)
 
 
 @click.command()
@@ -43,7 +43,8 @@ def localize(target: Target, path: Path, **promise: float | None) -> None:
     from tagmap.records.json_file import LARGEST_BYTES, parse_json, read_json
 
     if str(path) == STDIN:
-        tree = parse_json(sys.stdin.buffer.read(LARGEST_BYTES + 1), STDIN)
+        path = Path("stdin")
+        tree = parse_json(sys.stdin.buffer.read(LARGEST_BYTES + 1), str(path))
     else:
         tree = read_json(path)
     stated = {name: value for name, value in promise.items() if value is not None}

@@ -83,6 +83,11 @@ def test_views_that_cannot_be_read(tmp_path: Path):
     assert "Is a directory" in refused("localize", str(tmp_path))
 
 
+def test_a_wrong_view_from_stdin():
+    with pytest.raises(TagmapError, match="^stdin: not JSON"):
+        CliRunner().invoke(cli, ["localize"], input="{", catch_exceptions=False)
+
+
 WRONG_TAGS = {
     "a list": ([1], "expected {"),
     "none": ({}, "no tags"),
@@ -158,6 +163,7 @@ def test_coverage_of_two_tags(tmp_path: Path):
     "command",
     [
         ("dop", *PLACE),
+        ("localize", "--risk", "nan"),
         ("dop", *PLACE, "--focal-px", "-1"),
         ("dop", *PLACE, "--focal-px", "nan"),
         ("dop", *PLACE[2:], "--camera-position", "1,nan,2", "--focal-px", "9"),
@@ -174,7 +180,8 @@ def test_coverage_of_two_tags(tmp_path: Path):
     ],
 )
 def test_wrong_usage_is_2(command: tuple[str, ...], tags_file: str):
-    result = CliRunner().invoke(cli, [*command, "--tags", tags_file])
+    tags = () if command[0] == "localize" else ("--tags", tags_file)
+    result = CliRunner().invoke(cli, [*command, *tags])
     assert result.exit_code == 2
     assert "Error: " in result.output
 
