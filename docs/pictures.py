@@ -51,6 +51,30 @@ def detection() -> None:
     cv2.imwrite(str(FOLDER / "detection.jpg"), drawn, [cv2.IMWRITE_JPEG_QUALITY, 80])
 
 
+def integrity() -> None:
+    """A Stanford diagram: every view's true error against its protection level."""
+    from matplotlib.figure import Figure
+
+    from fleet.benchmarks.integrity import CASES, joined, try_out
+    from fleet.simulation.tag_faults import FAULTS
+
+    figure = Figure(figsize=(6.4, 5.2), dpi=110, layout="constrained")
+    axes = figure.add_subplot()
+    limits = (1e-4, 10.0)
+    axes.plot(limits, limits, color="black", linewidth=1.0)
+    beyond = levels = 0
+    for fault in FAULTS:
+        tried = joined([try_out(n, stereo, fault, 200, 7) for n, stereo in CASES])
+        axes.scatter(tried.error_m, tried.level_m, s=3, alpha=0.6, linewidths=0, label=fault)
+        beyond, levels = beyond + tried.beyond.sum(), levels + tried.has_level.sum()
+    axes.text(2e-2, 3e-4, f"errors above their level: {beyond} of {levels}")
+    axes.set(xscale="log", yscale="log", xlim=limits, ylim=limits)
+    axes.set(xlabel="true position error, m", ylabel="protection level, m")
+    axes.legend(title="fault", markerscale=4, loc="upper left")
+    figure.savefig(FOLDER / "protection-levels.png")
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     detection()
+    integrity()

@@ -143,8 +143,8 @@ def case_name(n: int, stereo: bool) -> str:
 def _of_case(n: int, stereo: bool) -> tuple[Metric, Metric]:
     name, what = case_name(n, stereo), "two images" if stereo else "one image"
     return (
-        Metric(f"{name}_available", "1", "higher", f"{n} tags, {what}: share with a level"),
-        Metric(f"{name}_level_by_sigma", "1", "lower", "median level by standard deviation"),
+        Metric(f"{name}_available", "1", "higher", f"{n} tags, {what}: share with a level", 0.02),
+        Metric(f"{name}_level_by_sigma", "1", "lower", "median level by sigma", 0.1),
     )
 
 
@@ -156,9 +156,9 @@ METRICS = (
     Metric("false_alarms", "1", "lower", "share without fault, stated 1e-5", reach=3e-4),
     *(metric for case in CASES[1:] for metric in _of_case(*case)),
     *(
-        Metric(f"{fault}_{what}", "1", "higher", f"{about}, 6 tags or more, beyond {LARGE_M} m")
+        Metric(f"{fault}_{what}", "1", "higher", f"{about}, 6+ tags, beyond {LARGE_M} m", 0.01)
         for fault in ("moved", "wrong", "swapped")
-        for what, about in (("found", "share noticed"), ("excluded", "just what is wrong left out"))
+        for what, about in (("found", "share noticed"), ("excluded", "only the faulty left out"))
     ),
     Metric("judge_ms", "ms", "lower", "one view judged, all kinds"),
 )

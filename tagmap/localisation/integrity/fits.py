@@ -68,7 +68,7 @@ def fit(rig: StereoRig, views: Views, known: Known, hyps: Hypotheses, p_reject: 
         np.full((S, H), np.inf),
         np.ones((S, H)),
         np.zeros((S, H), dtype=bool),
-        ~(hyps.accused & ~seen(views)[:, None]).any(-1),
+        np.asarray(~(hyps.accused & ~seen(views)[:, None]).any(-1)),
     )
     worth = fits.distinct & ~hyps.swaps
     _solve(rig, views, known, hyps, p_reject, worth, fits)

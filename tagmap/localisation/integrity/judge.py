@@ -16,10 +16,12 @@ from tagmap.geometry.stereo import StereoRig
 from tagmap.localisation.integrity.fits import Fits, fit, place
 from tagmap.localisation.integrity.hypotheses import Hypotheses, hypotheses
 from tagmap.localisation.integrity.parts import seen, some, some_known, without
-from tagmap.localisation.integrity.promise import Promise, radius
+from tagmap.localisation.integrity.promise import MOST_WRONG, Promise, radius
 from tagmap.localisation.view import NOTHING, Known, Views
 
 LEAST_TAGS = 3
+# With more, pairs are too many to look at: one wrong tag is excluded, but no level given.
+MOST_TAGS = 24
 _ORIGIN = np.zeros(3)
 
 
@@ -53,8 +55,7 @@ def judge(
     """p_cam (3,) is the point whose place in the map counts, such as the robot's base. Priors in
     `known` are taken at their word."""
     promise = promise or Promise()
-    n = views.z_px.shape[1]
-    hyps = hypotheses(n, max(2, promise.most_wrong(n)), promise.p_swapped > 0.0)
+    hyps = _hypotheses(views.z_px.shape[1], promise)
     fits = fit(rig, views, known, hyps, promise.p_false_alarm)
     verdict = _cover(fits, hyps, promise, seen(views), p_cam)
     doubtful = np.flatnonzero(~fits.possible[:, 0])
@@ -64,12 +65,21 @@ def judge(
     return verdict
 
 
+def _hypotheses(n: int, promise: Promise) -> Hypotheses:
+    """Two wrong tags are looked for even where one is all that the promise counts with."""
+    few = n <= MOST_TAGS
+    return hypotheses(n, MOST_WRONG if few else 1, few and promise.p_swapped > 0.0)
+
+
 def _cover(fits: Fits, hyps: Hypotheses, promise: Promise, present: Mask, p_cam: Array) -> Verdict:
     """Of views that the first hypothesis explains, around its position."""
-    most_wrong, n = promise.most_wrong(present.shape[1]), present.sum(axis=1)
+    most_wrong = min(promise.most_wrong(present.shape[1]), int(hyps.size().max()))
+    n = present.sum(axis=1)
     possible = fits.possible & (hyps.swaps | (hyps.size() <= most_wrong))
     unchecked = possible & ~fits.sound
-    left_out = promise.p_more(n, most_wrong) + (unchecked * _priors(hyps, promise)).sum(axis=1)
+    many = present.shape[1] > MOST_TAGS
+    left_out = np.where(many, 1.0, promise.p_more(n, most_wrong))
+    left_out = left_out + (unchecked * _priors(hyps, promise)).sum(axis=1)
     p = promise.risk - promise.p_false_alarm - left_out
     p_map, cov = place(fits, p_cam)
     return Verdict(
@@ -102,8 +112,7 @@ def _priors(hyps: Hypotheses, promise: Promise) -> Array:
 
 def _accused(which: Mask, hyps: Hypotheses) -> Mask:
     """Tags (S, N) accused by any of the hypotheses `which` (S, H)."""
-    accused: Mask = (which[..., None] & hyps.accused).any(axis=1)
-    return accused
+    return np.asarray((which[..., None] & hyps.accused).any(axis=1))
 
 
 def _exclude(
@@ -133,15 +142,13 @@ def _exclude(
         level_m=np.where(agreed & ~unchecked, np.maximum(rest.level_m, reach), np.nan),
         excluded=excluded & agreed[:, None],
         agreed=agreed,
-        settled=~rivals.any(axis=1),
+        settled=np.asarray(~rivals.any(axis=1)),
         exchangeable=rest.exchangeable | _accused(rivals & hyps.swaps, hyps),
         needed=rest.needed,
     )
 
 
-def _blame(
-    fits: Fits, hyps: Hypotheses, present: Mask, most_wrong: int
-) -> tuple[Index, Mask]:
+def _blame(fits: Fits, hyps: Hypotheses, present: Mask, most_wrong: int) -> tuple[Index, Mask]:
     """The best explanation (S,), 0 for none, and its rivals (S, H): not part of it, nor it of them.
 
     Two wrong tags count only where neither one wrong tag nor one swapped pair explains the view,

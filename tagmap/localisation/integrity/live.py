@@ -33,7 +33,9 @@ class Assurance:
 NO_ASSURANCE = Assurance()
 
 
-def assure(scene: Scene, T_map_base: Array, cov: Array, cross: Array, promise: Promise) -> Assurance:
+def assure(
+    scene: Scene, T_map_base: Array, cov: Array, cross: Array, promise: Promise
+) -> Assurance:
     """Of T_map_base with cov and cross (N, dof, d), by the scene of the latest look at each tag."""
     if len(scene) == 0:
         return NO_ASSURANCE

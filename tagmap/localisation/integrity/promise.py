@@ -46,7 +46,10 @@ class Promise:
     def most_wrong(self, n: int) -> int:
         """So many of n tags may be wrong at once; more are too unlikely, or too many to check."""
         most = 0
-        while most < MOST_WRONG and float(_p_more(n, most, self.p_wrong)) > _LEFT_OUT_SHARE * self.risk:
+        while (
+            most < MOST_WRONG
+            and float(_p_more(n, most, self.p_wrong)) > _LEFT_OUT_SHARE * self.risk
+        ):
             most += 1
         return most
 
@@ -71,7 +74,7 @@ def bounds(degrees: Index, p: float) -> Array:
 def radius(cov: Array, p: Array) -> Array:
     """A distance (...) that an error of cov (..., d, d) exceeds with probability p (...) at most.
 
-    The better of two bounds, which is within a tenth of the best there is: the ball around the
+    The better of two bounds, at most a sixth more than the best there is: the ball around the
     whole ellipsoid, and the diagonal of the box around its axes.
     """
     d = cov.shape[-1]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tagmap.conventions import Mask
-from tagmap.localisation.integrity.judge import Verdict
+from tagmap.localisation.integrity.judge import MOST_TAGS, Verdict
 
 
 def reasons(verdict: Verdict, ids: Sequence[str]) -> list[str]:
@@ -25,7 +25,10 @@ def reasons(verdict: Verdict, ids: Sequence[str]) -> list[str]:
         names = _named(verdict.needed[0], ids)
         found.append(f"a wrong tag would go unnoticed or open the pose ({names}): see one more")
     if not found and np.isnan(verdict.level_m[0]):
-        found.append("no protection level at this risk: state a larger one, or surer tags")
+        found.append(
+            "no protection level at this risk: state a larger one or surer tags, and give at most "
+            f"{MOST_TAGS} tags"
+        )
     return found
 
 

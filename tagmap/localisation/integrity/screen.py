@@ -15,7 +15,8 @@ def misfit_of_swaps(
     rig: StereoRig, views: Views, s: Index, i: Index, j: Index, T_map_cam: Array, cov: Array
 ) -> Array:
     """chi2 (M,) of tags i and j (M,) of view s (M,) at each other's places; infinite if they
-    cannot be there, zero where that cannot be told. T_map_cam (M, 4, 4) with cov (M, 6, 6) is the pose without them; linear.
+    cannot be there, zero where that cannot be told. Linear about the pose without them, which is
+    T_map_cam (M, 4, 4) with cov (M, 6, 6).
     """
     S, n = views.z_px.shape[:2]
     own, H, g = np.zeros(len(s)), np.zeros((len(s), 6, 6)), np.zeros((len(s), 6))
