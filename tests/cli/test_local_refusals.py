@@ -84,7 +84,7 @@ def test_views_that_cannot_be_read(tmp_path: Path):
 
 
 def test_a_wrong_view_from_stdin():
-    with pytest.raises(TagmapError, match="^stdin: not JSON"):
+    with pytest.raises(TagmapError, match=r"^stdin: not JSON"):
         CliRunner().invoke(cli, ["localize"], input="{", catch_exceptions=False)
 
 
