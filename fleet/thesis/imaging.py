@@ -29,8 +29,8 @@ ASSUMED = (
     "shortest range and weaker with its square (the aperture stays as it is), on "
     f"{AMBIENT:g} levels of ambient light with read noise of {READ_NOISE:g}, 8 bits. The thesis "
     "states none of it.",
-    f"The thesis's spots: threshold at {THRESHOLD} and centroid (4 and 3.1.2 say segment and find "
-    "the centre). Ours: the product's detector. Which tag a spot is, the laser says.",
+    f"The thesis's spots: threshold at {THRESHOLD} and centroid (3.1.2: segment the spots and find "
+    "their centres). Ours: the product's detector. Which tag a spot is, the laser says.",
 )
 
 

@@ -51,19 +51,23 @@ def figure_3_12(effort: Effort, seed: int) -> Section:
         f"across the view at 7 m, {along:.1f} mm along it, by either method. From images the "
         f"centroids of a threshold cost a factor of {theirs:.1f} on the bound, ours "
         f"{ours:.2f}.",
-        (
-            f"Two tags {' and '.join(f'{s:g} m' for s in SEPARATIONS_M)} apart, in the middle of "
-            "what both cameras see: across the view, along it, and at 45 degrees. Pairs that do "
-            "not fit into both images are left out.",
-            f"From projections: {SIGMA_PX:g} px of noise in each coordinate, {effort.projections} "
-            f"pairs each. From images: {effort.images} stereo images each, "
-            f"{IMAGED_SEPARATION_M:g} m apart.",
-            *ASSUMED,
-        ),
+        _assumed(effort),
         _claims(rows, images),
         {"sigma_px": SIGMA_PX, "claimed_mm": CLAIMED_MM, "claimed_at_m": CLAIMED_AT_M}
         | {"projections": rows, "images": images},
         (_table(rows, images),),
+    )
+
+
+def _assumed(effort: Effort) -> tuple[str, ...]:
+    return (
+        f"Two tags {' and '.join(f'{s:g} m' for s in SEPARATIONS_M)} apart, in the middle of "
+        "what both cameras see: across the view, along it, and at 45 degrees. Pairs that do "
+        "not fit into both images are left out.",
+        f"From projections: {SIGMA_PX:g} px of noise in each coordinate, {effort.projections} "
+        f"pairs each. From images: {effort.images} stereo images each, "
+        f"{IMAGED_SEPARATION_M:g} m apart.",
+        *ASSUMED,
     )
 
 
