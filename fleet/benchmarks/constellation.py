@@ -41,7 +41,9 @@ CASES = (
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """Of some scenes: how many were named, how many wrongly, tags and tags named, duration in s."""
+    """Of some scenes: how many were named, how many wrongly, tags and tags named, seconds of
+    processor time, which others on the machine do not lengthen.
+    """
 
     scenes: int
     named: int
@@ -89,9 +91,9 @@ def try_out(case: Case, tags: int, scenes: int, seed: int) -> Tally:
     duration_s = []
     for _ in range(scenes):
         spots = look_up(rng, above, case.n, case.foreign)
-        began_s = time.perf_counter()
+        began_s = time.process_time()
         found = identify(catalogue, spots.p_cam, spots.cov, frame())
-        duration_s.append(time.perf_counter() - began_s)
+        duration_s.append(time.process_time() - began_s)
         named += found.abstained is None
         false += bool(((found.tag >= 0) & (found.tag != spots.tag)).any())
         tags_named += int((found.tag >= 0).sum())
@@ -133,7 +135,7 @@ METRICS = (
     Metric("perfect_8_identified", "1", "lower", "a grid without jitter", 0.0, reach=0.0),
     Metric("foreign_identified", "1", "higher", "share of views with foreign spots named", 0.01),
     Metric("random_tags_named", "1", "higher", "share of tags, random ceilings, none foreign"),
-    Metric("p50_ms", "ms", "lower", f"one identification among {TAGS[-1]} tags", reach=1.0),
+    Metric("p50_ms", "ms", "lower", f"processor time among {TAGS[-1]} tags", reach=1.0),
     Metric("p99_ms", "ms", "lower", "the same", reach=10.0),
 )
 SUITE = Suite("constellation", "spots without labels against the map", METRICS, measure)
