@@ -25,27 +25,27 @@ TAGS = {
 PRESET = "wide-angle"
 
 
-def view(both=True, tags="abcd", **extra):
+def view(both=True, tags="abcd", known=TAGS, **extra):
     """A file for localize, without noise, and the pose that it shows."""
     rig = stereo_rig(find_rig(PRESET))
     T_map_cam = looking_at(np.array([0.4, 0.3, 2.0]), np.array([0.1, 0.0, 0.0]))
-    p = np.array([TAGS[tag] for tag in tags])
+    p = np.array([known[tag] for tag in tags])
     z, _ = stereo.project(rig, se3.act(se3.inverse(T_map_cam), p))
-    file = {"rig": PRESET, "tags": TAGS, "sigma_px": 0.2}
+    file = {"rig": PRESET, "tags": known, "sigma_px": 0.2}
     file["left"] = {tag: row[:2].tolist() for tag, row in zip(tags, z, strict=True)}
     if both:
         file["right"] = {tag: row[2:].tolist() for tag, row in zip(tags, z, strict=True)}
     return file | extra, T_map_cam
 
 
-def localize(tmp_path, file):
+def localize(tmp_path, file, *options):
     path = tmp_path / "view.json"
     path.write_text(json.dumps(file))
-    return CliRunner().invoke(cli, ["localize", str(path), "--json"])
+    return CliRunner().invoke(cli, ["localize", str(path), *options, "--json"])
 
 
-def answered(tmp_path, file):
-    result = localize(tmp_path, file)
+def answered(tmp_path, file, *options):
+    result = localize(tmp_path, file, *options)
     assert result.exit_code == 0, result.output
     return json.loads(result.output)
 
@@ -215,3 +215,50 @@ def test_coverage_writes_what_map_server_reads(tmp_path):
     assert "image: floor.pgm" in yaml
     assert "resolution: 0.5" in yaml
     assert (tmp_path / "floor.png").read_bytes().startswith(b"\x89PNG")
+
+
+MORE = TAGS | {"e": [0.5, 0.4, 0.1], "f": [-0.4, 0.5, 0.3]}
+
+
+def test_a_moved_tag_is_left_out_and_the_rest_promised_anew(tmp_path):
+    file, T = view(tags="abcdef", known=MORE)
+    whole = answered(tmp_path, file)
+    moved = answered(tmp_path, file | {"tags": MORE | {"b": [0.9, -0.3, 0.1]}})
+    assert (moved["excluded"], moved["inliers"]) == (["b"], list("acdef"))
+    assert (moved["state"], moved["dof"]) == ("good", 14)
+    np.testing.assert_allclose(moved["T_map_cam"]["p_m"], T[:3, 3], atol=1e-6)
+    assert moved["protection_level_m"] > whole["protection_level_m"]
+
+
+def test_contradictions_without_a_majority_are_no_pose(tmp_path):
+    file, _ = view()
+    wrong = {"a": [0.5, 1.0, 0.0], "b": [1.0, -0.9, 0.3]}
+    found = answered(tmp_path, file | {"tags": TAGS | wrong})
+    assert (found["T_map_cam"], found["state"], found["inliers"]) == (None, "lost", [])
+    assert found["chi2"] > 100.0
+    assert "agrees" in found["reasons"][0]
+
+
+def test_three_tags_are_promised_only_what_surer_tags_allow(tmp_path):
+    file, _ = view(tags="abc")
+    found = answered(tmp_path, file)
+    assert (found["protection_level_m"], found["state"]) == (None, "degraded")
+    assert "a, b, c" in found["reasons"][-1]
+    sure = answered(tmp_path, file, "--p-wrong", "1e-6", "--p-swapped", "0")
+    surer = answered(tmp_path, file, "--p-wrong", "1e-6", "--p-swapped", "0", "--risk", "1e-5")
+    assert 0.0 < sure["protection_level_m"] < surer["protection_level_m"]
+
+
+def test_the_level_is_that_of_the_base(tmp_path):
+    mount = {"p_m": [0.0, 0.0, 3.0], "q_wxyz": [1.0, 0.0, 0.0, 0.0]}
+    of_cam = answered(tmp_path, view()[0])
+    of_base = answered(tmp_path, view(T_base_cam=mount)[0])
+    assert of_base["protection_level_m"] > 1.5 * of_cam["protection_level_m"]
+
+
+def test_promises_that_cannot_be_are_refused(tmp_path):
+    file, _ = view()
+    assert localize(tmp_path, file, "--risk", "2").exit_code == 2
+    assert localize(tmp_path, file, "--risk", "1e-6", "--p-false-alarm", "1e-5").exit_code == 1
+    service = {"kind": "spatial", "measurements": []}
+    assert localize(tmp_path, service, "--risk", "1e-3").exit_code == 2
