@@ -41,7 +41,8 @@ def misfit_of_swaps(
     ahead = np.isfinite(own)
     linear = ahead & (np.abs(H).max((-1, -2)) < _GRAZING)
     H, g = np.where(linear[:, None, None], H, 0.0), np.where(linear[:, None], g, 0.0)
-    L = np.linalg.cholesky(cov)
+    variances, axes = np.linalg.eigh(cov)
+    L = axes * np.sqrt(np.maximum(variances, 0.0))[:, None, :]
     Ltg = (L.swapaxes(-1, -2) @ g[..., None])[..., 0]
     step = np.linalg.solve(np.eye(6) + L.swapaxes(-1, -2) @ H @ L, Ltg[..., None])[..., 0]
     misfit = np.where(linear, own - (Ltg * step).sum(-1), 0.0)
