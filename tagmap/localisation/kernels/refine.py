@@ -11,7 +11,8 @@ from tagmap.localisation.kernels.motion import Pose, load, moved, store
 from tagmap.localisation.kernels.square import Square, dot, factor, solve
 from tagmap.localisation.kernels.view import View, linearise
 
-_MAX_STEPS = 25
+# A few starts creep along a curved valley; stopped there they would pass for optima.
+_MAX_STEPS = 100
 # A step that gains less chi2 than this moves the pose by 0.1 sigma; what it leaves is of second
 # order in that.
 _LAST_GAIN = 0.01
