@@ -46,6 +46,22 @@ def test_sightings_of_mapped_tags_give_a_pose():
     assert pose.source == "service"
 
 
+def test_poses_say_their_dilution_and_protection_level():
+    """Four tags about the robot: 1/4 of a tag's variance each way, and a little for the heading."""
+    seen = feed(mapped(), hello(), drive(1), drive(2))
+    assert 0.5**0.5 < seen.dop < 0.8
+    carried = feed(mapped(), hello(), drive(1), drive(2, sees=()), drive(3, sees=()))
+    assert seen.protection_level_m < carried.protection_level_m
+    lost = feed(Mapper("site"), hello(), drive(1))
+    assert (lost.dop, lost.protection_level_m) == (None, None)
+
+
+def test_without_one_of_two_tags_nothing_is_promised():
+    known = feed(mapped(through=1), hello(), drive(1, sees=()), drive(2, sees=("1", "2")))
+    assert known.dop is not None
+    assert known.protection_level_m is None
+
+
 def test_on_a_floating_map_no_pose_is_good():
     pose = feed(mapped("floating"), hello(), drive(1), drive(2))
     assert_at(pose, T_map_base(2), 2)
