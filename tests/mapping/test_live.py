@@ -56,12 +56,6 @@ def test_poses_say_their_dilution_and_protection_level():
     assert (lost.dop, lost.protection_level_m) == (None, None)
 
 
-def test_without_one_of_two_tags_nothing_is_promised():
-    known = feed(mapped(through=1), hello(), drive(1, sees=()), drive(2, sees=("1", "2")))
-    assert known.dop is not None
-    assert known.protection_level_m is None
-
-
 def test_on_a_floating_map_no_pose_is_good():
     pose = feed(mapped("floating"), hello(), drive(1), drive(2))
     assert_at(pose, T_map_base(2), 2)
