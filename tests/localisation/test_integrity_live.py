@@ -75,17 +75,18 @@ def test_without_one_of_two_tags_nothing_is_promised() -> None:
     world = _world("planar", 2)
     T = worlds.circle("planar", 1)[0]
     z, tags = worlds.see(world, T, np.random.default_rng(0), "range_bearing")
-    track = Track(world.sensor)
-    track.adopt(world.table, True, None)
-    track.step(worlds.keyframe(world, 1, None, z, tags))
-    enough = track.assurance()
-    assert enough.protection_level_m is not None
+    for n in (2, 3):
+        track = Track(world.sensor)
+        track.adopt(world.table, True, None)
+        track.start_from(T, 1e-4 * np.eye(3))
+        still = worlds.drive(world, np.array([T, T]), np.random.default_rng(0), "range_bearing")[1]
+        live = track.step(worlds.keyframe(world, 2, still.odom, z[:n], tags[:n]))
+        assert live.state == "good"
+        assert track.assurance().pdop is not None
+        assert (track.assurance().protection_level_m is None) is (n == 2)
     track.interrupt()
-    assert track.assurance().protection_level_m is None
     assert track.assurance().pdop is None
-    track.step(worlds.keyframe(world, 2, None, z[:2], tags[:2]))
-    few = track.assurance()
-    assert few.protection_level_m is None
+    assert track.assurance().protection_level_m is None
 
 
 def test_dilution_is_that_of_the_closed_form() -> None:
