@@ -50,10 +50,11 @@ def demo(out: Path | None, seed: int, duration_s: float, speed: float, as_json: 
     from fleet.cli.interrupt import interruptible
     from fleet.cli.report import as_contract, show
     from fleet.evaluation.evaluate import evaluate
+    from fleet.running.folder import new_folder
     from fleet.running.run import run_recording
     from fleet.simulation.simulate import simulate
 
-    folder = _new_folder(out or Path(time.strftime("demo-%Y%m%d-%H%M%S")))
+    folder = new_folder(out or Path(time.strftime("demo-%Y%m%d-%H%M%S")))
     simulated = simulate(seed, duration_s, rate_hz=4.0, start_ns=time.time_ns())
     with interruptible():
         run = run_recording(
@@ -74,18 +75,6 @@ def demo(out: Path | None, seed: int, duration_s: float, speed: float, as_json: 
     else:
         show("demo", run, evaluation)
         click.echo(f"floor plan  {picture or 'not drawn: matplotlib is not installed'}")
-
-
-def _new_folder(folder: Path) -> Path:
-    from tagmap.errors import DataError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise DataError(f"{folder}: is not empty")
-    except OSError as error:
-        raise DataError(f"{folder}: cannot be made: {error.strerror}") from None
-    return folder
 
 
 def _write_survey(file: Path, simulated: "Simulated") -> Path:

@@ -31,13 +31,14 @@ def thesis(out: Path | None, seed: int, sample: bool, as_json: bool) -> None:
     import time
 
     from fleet.cli.interrupt import interruptible
+    from fleet.running.folder import new_folder
     from tagmap.errors import DataError
 
     if find_spec("matplotlib") is None:
         raise DataError(
             "matplotlib is not installed, it draws the figures: pip install tagmap[plot]"
         )
-    folder = _new_folder(out or Path(time.strftime("thesis-%Y%m%d-%H%M%S")))
+    folder = new_folder(out or Path(time.strftime("thesis-%Y%m%d-%H%M%S")))
     with interruptible():
         from fleet.thesis.effort import FULL, SAMPLE
         from fleet.thesis.run import REPORT, run
@@ -51,15 +52,3 @@ def thesis(out: Path | None, seed: int, sample: bool, as_json: bool) -> None:
         click.echo(msgspec.json.encode(contract))
     else:
         click.echo(f"report  {folder / REPORT}")
-
-
-def _new_folder(folder: Path) -> Path:
-    from tagmap.errors import DataError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise DataError(f"{folder}: is not empty")
-    except OSError as error:
-        raise DataError(f"{folder}: cannot be made: {error.strerror}") from None
-    return folder

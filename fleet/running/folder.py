@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tagmap.errors import TagmapError
+from tagmap.errors import DataError, TagmapError
 
 
 @contextmanager
@@ -29,3 +29,14 @@ def run_folder(prefix: str, keep: bool) -> Iterator[Path]:
     for file in folder.iterdir():
         if not file.name.startswith("site.db"):
             file.unlink()
+
+
+def new_folder(folder: Path) -> Path:
+    """`folder`, made where it does not exist. Raises DataError unless it is empty."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise DataError(f"{folder}: is not empty")
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be made: {error.strerror}") from None
+    return folder

@@ -2,8 +2,6 @@
 
 from enum import IntFlag
 
-SEPARATOR = ", "
-
 
 class Flag(IntFlag):
     """saturated  clipped at full scale; placed by its unclipped pixels

@@ -24,7 +24,6 @@ _BROAD = 10.0
 _HOT_SHARE = 0.12
 """Of a spot of sigma 0.5 px, the next pixels have 0.2 of the peak."""
 
-_LEAST_DIP = 3.0
 _SATURATED, _HOT_PIXEL = int(Flag.SATURATED), int(Flag.HOT_PIXEL)
 _OVERSIZED = int(Flag.OVERSIZED)
 _NOISE = -1

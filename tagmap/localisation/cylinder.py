@@ -6,7 +6,6 @@ a tilt of asin(r / R)).
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -50,11 +49,30 @@ def distance_m(p_map: Array, p_map_cam: Array) -> float | None:
     """How far the camera at (3,) is from danger with tags (N, 3).
 
     With more than three tags it is in danger only on the cylinders of all triples at once: the
-    largest of their distances. None where no three tags span a plane.
+    largest of their distances. None where no three tags span a plane. All pairs of one tag at a
+    time: 256 tags have 2.8 million triples.
     """
-    triples = np.array(list(combinations(range(len(p_map)), 3)), dtype=np.int64)
-    if not len(triples):
-        return None
-    distances = distance_to(danger_cylinder(p_map[triples]), p_map_cam)
-    known = distances[np.isfinite(distances)]
-    return float(known.max()) if len(known) else None
+    most = -np.inf
+    for i in range(len(p_map) - 2):
+        each = _distances(p_map[i + 1 :] - p_map[i], p_map_cam - p_map[i])
+        most = np.fmax(most, np.fmax.reduce(each, axis=None))
+    return float(most) if most >= 0.0 else None
+
+
+def _distances(p: Array, e: Array) -> Array:
+    """(M, M): of the point e (3,) from the cylinders through the origin and every two of p (M, 3).
+
+    `distance_to` of `danger_cylinder`, by r^2 - R^2 = e^2 - 2 e arm - (e n)^2 / n^2.
+    """
+    square, towards, dot = (p * p).sum(-1), p @ e, p @ p.T
+    yz, zx, xy = (np.outer(p[:, i], p[:, j]) for i, j in ((1, 2), (2, 0), (0, 1)))
+    nx, ny, nz = yz - yz.T, zx - zx.T, xy - xy.T
+    nn, en = nx * nx + ny * ny + nz * nz, e[0] * nx + e[1] * ny + e[2] * nz
+    flat = nn > (_COLLINEAR * np.maximum(square[:, None], square)) ** 2
+    nn = np.where(flat, nn, np.nan)
+    both = np.outer(square, square)
+    arm = (both - dot * square) * towards[:, None]
+    radius = np.sqrt(both * (square[:, None] + square - 2.0 * dot) / (4.0 * nn))
+    power = e @ e - (arm + arm.T + en * en) / nn
+    distance: Array = np.abs(power) / (np.sqrt(np.maximum(power + radius**2, 0.0)) + radius)
+    return distance

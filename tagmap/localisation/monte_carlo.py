@@ -9,8 +9,9 @@ from tagmap.localisation.dop import MM, Dop
 from tagmap.localisation.pose import locate
 from tagmap.localisation.view import Views, isotropic
 
-# The other noise, small enough not to show, large enough to weigh.
-_EXACT_PX = 1e-5
+# Noise that exact pixels are said to have, by what the tags' errors move them. With less of it the
+# valleys of chi2 are so narrow that the search stops in them; with more, stereo weighs wrongly.
+_EXACT_SHARE = 1e-3
 
 
 def monte_carlo(
@@ -28,11 +29,13 @@ def monte_carlo(
     Of several roots the one nearest to the truth counts: this is precision, not ambiguity.
     """
     n = len(p_map)
-    z, _ = stereo.project(rig, se3.act(se3.inverse(T_map_cam), p_map))
+    p_cam = se3.act(se3.inverse(T_map_cam), p_map)
+    z, _ = stereo.project(rig, p_cam)
     z = np.broadcast_to(np.nan_to_num(z), (count, n, 4))
     shaken = p_map + sigma_tag_m * rng.standard_normal((count, n, 3))
     cov = np.broadcast_to(sigma_tag_m**2 * np.eye(3), (1, n, 3, 3))
-    exact = isotropic(seen[None], _EXACT_PX)
+    moved_px = rig.left.fx_px * sigma_tag_m / np.sqrt((p_cam * p_cam).sum(-1).mean())
+    exact = isotropic(seen[None], float(_EXACT_SHARE * moved_px))
     by_tags = _errors(rig, Views(shaken, np.array(z), exact, np.array(cov)), T_map_cam)
     noisy = z + sigma_px * rng.standard_normal(z.shape)
     by_pixels = _errors(rig, Views(p_map[None], noisy, isotropic(seen[None], sigma_px)), T_map_cam)

@@ -1,8 +1,11 @@
 """Poses from identified tags seen in one image or two: all of them, with what to doubt.
 
-Every optimum of the reprojection error is found: closed forms start, Levenberg-Marquardt refines
-with the full covariance of pixels and tags. The best is given with its covariance; others within
-ALIVE_CHI2 of it are alternatives. Where the data do not carry a pose a flag says why.
+Closed forms start, Levenberg-Marquardt refines with the full covariance of pixels and tags. The
+best is given with its covariance; others within ALIVE_CHI2 of it are alternatives. Where the data
+do not carry a pose a flag says why.
+
+All roots of P3P are followed to their optima. Beside the danger cylinder, where noise has merged
+two roots, a second optimum may remain that is not among the alternatives: such a view is CURVED.
 """
 
 from dataclasses import dataclass

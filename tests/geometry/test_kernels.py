@@ -21,40 +21,25 @@ def test_rays_are_those_of_the_camera(model):
     for u, v in px[np.isfinite(px).all(1)]:
         x, y, *J = rays.undistort(packed(model), u, v)
         ideal = camera.undistort(model, np.array([u, v]))
-        np.testing.assert_allclose([x, y], ideal, atol=1e-9)
+        np.testing.assert_allclose([x, y], ideal, atol=1e-12)
         _, D = camera.distort(model, np.array([x, y]))
-        np.testing.assert_allclose(np.reshape(J, (2, 2)), model.focal_px[:, None] * D, rtol=1e-9)
+        np.testing.assert_allclose(np.reshape(J, (2, 2)), model.focal_px[:, None] * D, rtol=1e-6)
 
 
 def test_a_pixel_past_the_fold_has_no_ray():
     assert np.isnan(rays.undistort(packed(LEFT), -4000.0, -3000.0)).all()
 
 
-def test_information_follows_the_lens():
-    z = np.array([[300.0, 200.0, 250.0, 210.0]])
-    factor = RNG.normal(size=(4, 4))
-    information = (factor @ factor.T)[None]
-    ray, found = np.empty((1, 4)), np.empty((1, 4, 4))
-    assert rays.to_rays(packed(LEFT), packed(RIGHT), z, information, ray, found)
-    G = np.zeros((4, 4))
-    for side, model in ((slice(0, 2), LEFT), (slice(2, 4), RIGHT)):
-        _, D = camera.distort(model, ray[0, side])
-        G[side, side] = model.focal_px[:, None] * D
-    np.testing.assert_allclose(found[0], G.T @ information[0] @ G, rtol=1e-9)
-
-
 @pytest.mark.parametrize("size", [0.0, 1e-7, 1e-4, 0.3, 3.0])
-def test_update_and_difference_are_those_of_se3(size):
+def test_update_is_that_of_se3(size):
     for _ in range(20):
         T = se3.exp(RNG.normal(size=6))
         omega = RNG.normal(size=3)
         omega *= size / np.linalg.norm(omega)
         xi = np.concatenate([RNG.normal(size=3), omega])
-        out, back = np.empty((3, 4)), np.empty(6)
+        out = np.empty((3, 4))
         rigid.exp_update(np.ascontiguousarray(T[:3]), xi, out)
         np.testing.assert_allclose(out, (T @ se3.exp(xi))[:3], atol=1e-12)
-        rigid.difference(np.ascontiguousarray(T[:3]), out, back)
-        np.testing.assert_allclose(back, xi, atol=1e-8)
 
 
 @pytest.mark.parametrize("n", [3, 4, 10])

@@ -38,6 +38,17 @@ def test_closed_form_against_trials(seen, tilt):
     compare(0, seen, tilt, 3000, 0.05)
 
 
+@pytest.mark.parametrize("seen", [MONO, STEREO], ids=["single", "stereo"])
+@pytest.mark.parametrize("sigma_tag_m", [1e-6, 2e-5, 1e-3])
+def test_how_much_tags_are_off_does_not_matter(sigma_tag_m, seen):
+    """Nor does a root get lost where that is much more than a pixel."""
+    T = at(1.5, 60)
+    exact = dop(RIG, UNIT, T, seen)
+    tried, _ = monte_carlo(np.random.default_rng(3), 3000, RIG, UNIT, T, seen, 0.02, sigma_tag_m)
+    for name in ("pdop", "odop_deg_per_mm"):
+        assert getattr(tried, name) == pytest.approx(getattr(exact, name), rel=0.05), name
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seen", [MONO, STEREO], ids=["single", "stereo"])
 @pytest.mark.parametrize("tilt", [5, 10, 20, 30, 35, 50, 60, 70, 80])

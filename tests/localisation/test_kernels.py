@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fleet.simulation.views import WIDE_RIG, noisy, places
-from tagmap.geometry import se3
+from tagmap.geometry import camera, se3
 from tagmap.localisation.kernels import beside, found, motion, rivals, sightings, square, start
 from tagmap.localisation.kernels.view import View
-from tagmap.localisation.view import ALIVE_CHI2, camera_arrays, isotropic
+from tagmap.localisation.view import ALIVE_CHI2, camera_arrays, inverse_of, isotropic
 
 SIGMA_PX = 0.2
 RNG = np.random.default_rng(0)
@@ -60,6 +60,29 @@ def test_a_singular_matrix_has_no_factor():
     factor = RNG.normal(size=(6, 5))
     assert not square.factor(tuple((factor @ factor.T)[np.tril_indices(6)]), 0.0)[0]
     assert not square.factor((np.nan,) * 21, 0.0)[0]
+
+
+@pytest.mark.parametrize("seen", [[True, True], [True, False], [False, True]])
+def test_information_follows_the_lens(seen):
+    left, right, _ = camera_arrays(WIDE_RIG)
+    z = np.array([[[300.0, 200.0, 250.0, 210.0]]])
+    factor = RNG.normal(size=(4, 4))
+    rows, exact = np.zeros((1, sightings.WIDTH)), np.zeros((1, 0, 3, 3))
+    W = inverse_of(factor @ factor.T + np.eye(4), np.array(seen))
+    n, coordinates, good = sightings.from_pixels(
+        left, right, np.ones((1, 1, 3)), z, W[None, None], exact, 0, rows
+    )
+    assert (n, coordinates, good) == (1, 2 * sum(seen), True)
+    G, expected = np.eye(4), np.zeros(4)
+    for side, model in ((slice(0, 2), WIDE_RIG.left), (slice(2, 4), WIDE_RIG.right)):
+        expected[side] = camera.undistort(model, z[0, 0, side])
+        _, D = camera.distort(model, expected[side])
+        G[side, side] = model.focal_px[:, None] * D
+    used = np.repeat(seen, 2)
+    np.testing.assert_allclose(rows[0, sightings.RAY :][:4], expected * used, atol=1e-12)
+    i, j = [0, 0, 1, 2, 2, 3, 0, 0, 1, 1], [0, 1, 1, 2, 3, 3, 2, 3, 2, 3]
+    of_rays = (G.T @ W @ G)[i, j]
+    np.testing.assert_allclose(rows[0, sightings.W : sightings.COV], of_rays, rtol=1e-6)
 
 
 def alternatives(true, z, i):

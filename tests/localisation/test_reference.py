@@ -1,5 +1,7 @@
 """The methods of the thesis, and the product beside them."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -107,3 +109,15 @@ def test_with_more_tags_all_cylinders_count():
     assert distance_m(np.vstack([TAGS, [0.0, 0.0, 0.0]]), p) > 0.1
     assert distance_m(TAGS[:2], p) is None
     assert distance_m(np.arange(3.0)[:, None] * np.ones(3), p) is None
+
+
+@pytest.mark.parametrize("ceiling", [True, False])
+@pytest.mark.parametrize("n", [3, 4, 9, 30])
+def test_the_largest_distance_is_that_of_all_triples(n, ceiling):
+    rng = np.random.default_rng(n)
+    p_map, p = rng.normal(size=(n, 3)) * [3.0, 3.0, 0.0 if ceiling else 3.0], rng.normal(size=3)
+    p_map[-1] = p_map[0] + 1e-9  # What is at one place spans no plane.
+    p_map = np.vstack([p_map, rng.normal(size=3)])
+    triples = np.array(list(combinations(range(len(p_map)), 3)))
+    each = distance_to(danger_cylinder(p_map[triples]), p)
+    assert distance_m(p_map, p) == pytest.approx(np.nanmax(each), rel=1e-9)

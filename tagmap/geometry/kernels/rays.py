@@ -1,16 +1,17 @@
-"""Raw pixels to ideal rays, with their information: the only place where lenses enter.
+"""Raw pixels to ideal rays: the only place where lenses enter the kernels.
 
 A camera is an array (9,) [fx, fy, cx, cy, k1, k2, p1, p2, k3]. The lens model is that of
-tagmap.geometry.camera. A ray is (x / z, y / z); a stereo ray (xl, yl, xr, yr).
+tagmap.geometry.camera. A ray is (x / z, y / z).
 """
 
 import numpy as np
 
-from tagmap.conventions import Array, Mask
+from tagmap.conventions import Array
 from tagmap.geometry.kernels.compiled import compiled
 
 _STEPS = 20
-_TOLERANCE = 1e-12
+# Newton's steps square: what is left after one this small is less than rounding.
+_LAST_STEP = 1e-8
 
 
 @compiled
@@ -36,62 +37,6 @@ def undistort(camera: Array, u: float, v: float) -> tuple[float, float, float, f
             return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan
         dx, dy = (d * ex - b * ey) / det, (a * ey - b * ex) / det
         x, y = x - dx, y - dy
-        if abs(dx) + abs(dy) < _TOLERANCE:
+        if abs(dx) + abs(dy) < _LAST_STEP:
             return x, y, fx * a, fx * b, fy * b, fy * d
     return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan
-
-
-@compiled
-def to_rays(
-    left: Array, right: Array, z_px: Array, information: Array, ray: Array, ray_information: Array
-) -> bool:
-    """Fill ray (N, 4), ray_information (N, 4, 4) from z_px (N, 4), information (N, 4, 4) in px^-2.
-
-    An image that did not see the tag has zeros in its rows and columns of `information`. False
-    where a pixel has no ray.
-    """
-    good = True
-    J = np.zeros((4, 4))
-    W = np.empty((4, 4))
-    for i in range(len(z_px)):
-        sees_left = information[i, 0, 0] > 0.0
-        sees_right = information[i, 2, 2] > 0.0
-        J[:] = 0.0
-        ray[i] = 0.0
-        if sees_left:
-            x, y, a, b, c, d = undistort(left, z_px[i, 0], z_px[i, 1])
-            ray[i, 0], ray[i, 1] = x, y
-            J[0, 0], J[0, 1], J[1, 0], J[1, 1] = a, b, c, d
-        if sees_right:
-            x, y, a, b, c, d = undistort(right, z_px[i, 2], z_px[i, 3])
-            ray[i, 2], ray[i, 3] = x, y
-            J[2, 2], J[2, 3], J[3, 2], J[3, 3] = a, b, c, d
-        # Not isfinite: relaxed sums make x - x, by which it is computed, zero.
-        good = good and abs(ray[i, 0]) + abs(ray[i, 1]) + abs(ray[i, 2]) + abs(ray[i, 3]) < np.inf
-        for r in range(4):
-            first = 2 * (r // 2)
-            for s in range(4):
-                W[s, r] = information[i, s, first] * J[first, r]
-                W[s, r] += information[i, s, first + 1] * J[first + 1, r]
-        for r in range(4):
-            first = 2 * (r // 2)
-            for s in range(4):
-                sum_ = J[first, r] * W[first, s] + J[first + 1, r] * W[first + 1, s]
-                ray_information[i, r, s] = sum_
-    return good
-
-
-@compiled
-def batch_to_rays(
-    left: Array,
-    right: Array,
-    z_px: Array,
-    information: Array,
-    ray: Array,
-    ray_information: Array,
-    good: Mask,
-) -> None:
-    """`to_rays` of S views; `information` may be alike in all of them (1, N, 4, 4)."""
-    for s in range(len(z_px)):
-        shared = information[s % len(information)]
-        good[s] = to_rays(left, right, z_px[s], shared, ray[s], ray_information[s])

@@ -1,4 +1,4 @@
-"""Rigid transforms as (3, 4) arrays [R, p]: update, difference, alignment. No allocation."""
+"""Rigid transforms as (3, 4) arrays [R, p]: update, alignment. No allocation."""
 
 import math
 
@@ -46,36 +46,6 @@ def exp_update(T: Array, delta: Array, out: Array) -> None:
         out[i, 1] = a * e01 + b * e11 + d * e21
         out[i, 2] = a * e02 + b * e12 + d * e22
         out[i, 3] = T[i, 3] + a * tx + b * ty + d * tz
-
-
-@compiled
-def difference(T_a: Array, T_b: Array, xi: Array) -> None:
-    """xi (6,) = log(T_a^-1 T_b), for turns of less than pi."""
-    sx = sy = sz = trace = u = v = w = 0.0
-    for i in range(3):
-        trace += T_a[i, 0] * T_b[i, 0] + T_a[i, 1] * T_b[i, 1] + T_a[i, 2] * T_b[i, 2]
-        sx += T_a[i, 2] * T_b[i, 1] - T_a[i, 1] * T_b[i, 2]
-        sy += T_a[i, 0] * T_b[i, 2] - T_a[i, 2] * T_b[i, 0]
-        sz += T_a[i, 1] * T_b[i, 0] - T_a[i, 0] * T_b[i, 1]
-        d = T_b[i, 3] - T_a[i, 3]
-        u += T_a[i, 0] * d
-        v += T_a[i, 1] * d
-        w += T_a[i, 2] * d
-    sine = 0.5 * math.sqrt(sx * sx + sy * sy + sz * sz)
-    angle = math.atan2(sine, 0.5 * (trace - 1.0))
-    scale = 0.5 + angle * angle / 12.0 if angle < _SMALL_ANGLE else 0.5 * angle / sine
-    x, y, z = scale * sx, scale * sy, scale * sz
-    square = x * x + y * y + z * z
-    half = 0.5 * angle
-    if angle < _SMALL_ANGLE:
-        rest = 1.0 / 12.0 + square / 720.0
-    else:
-        rest = (1.0 - half * math.cos(half) / math.sin(half)) / square
-    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
-    xi[0] = u - 0.5 * cx + rest * (y * cz - z * cy)
-    xi[1] = v - 0.5 * cy + rest * (z * cx - x * cz)
-    xi[2] = w - 0.5 * cz + rest * (x * cy - y * cx)
-    xi[3], xi[4], xi[5] = x, y, z
 
 
 @compiled

@@ -11,16 +11,10 @@ from tagmap.localisation.kernels.motion import Pose, Step, moved
 from tagmap.localisation.kernels.sightings import P
 from tagmap.localisation.kernels.square import Square, dot, factor, inverse, spread, squared, times
 from tagmap.localisation.kernels.view import View, cost
+from tagmap.localisation.pose import Doubt
 
-# Flags; what they mean is said in tagmap.localisation.pose.
-FEW = 1
-COLLINEAR = 2
-NO_ROOT = 4
-AMBIGUOUS = 8
-CURVED = 16
-SINGULAR = 32
-MISFIT = 64
-NO_RAY = 128
+# As plain numbers, for compiled code.
+FEW, COLLINEAR, NO_ROOT, AMBIGUOUS, CURVED, SINGULAR, MISFIT, NO_RAY = (int(one) for one in Doubt)
 
 _COLLINEAR_SHARE = 1e-3
 _LINEAR_SIGMAS = 3.0

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.running.folder import run_folder
+from fleet.running.folder import new_folder, run_folder
 from tagmap.errors import DataError, TagmapError
 
 
@@ -35,3 +35,15 @@ def test_after_an_interruption_nothing_remains():
     with pytest.raises(KeyboardInterrupt), run_folder("tagmap-test-", True) as folder:
         raise KeyboardInterrupt
     assert not folder.exists()
+
+
+def test_a_new_folder_is_empty_or_refused_by_name(tmp_path: Path):
+    made = new_folder(tmp_path / "a" / "b")
+    assert made.is_dir()
+    assert new_folder(made) == made
+    (made / "facts").write_text("kept")
+    with pytest.raises(DataError, match="b: is not empty"):
+        new_folder(made)
+    with pytest.raises(DataError, match="facts: cannot be made"):
+        new_folder(made / "facts")
+    assert (made / "facts").read_text() == "kept"
