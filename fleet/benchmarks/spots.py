@@ -105,6 +105,20 @@ def _errors(plan: Plan, peers: bool) -> dict[str, list[float] | str]:
     """RMS error by the Cramér-Rao bound over the same spots, and whether covariances are honest."""
     import numpy as np
 
+    squares, nees = _squares(plan, peers)
+    runs: dict[str, list[float] | str] = {
+        f"{key}_error_by_bound": [float(np.sqrt(np.mean(values)))] if values else SEP_MISSING
+        for key, values in squares.items()
+    }
+    by_ours = np.sqrt(np.mean(squares["sep"]) / np.mean(squares["detect"])) if peers else None
+    runs["sep_error_by_detect"] = SEP_MISSING if by_ours is None else [float(by_ours)]
+    return runs | {"nees_by_2": [float(np.mean(nees)) / 2.0]}
+
+
+def _squares(plan: Plan, peers: bool) -> tuple[dict[str, list[Any]], list[float]]:
+    """Squared errors by their bounds, of each finder, and ours by their covariances."""
+    import numpy as np
+
     from fleet.benchmarks.spot_peers import opencv, sep_windowed
     from fleet.evaluation.spot_bound import position_bound
     from fleet.simulation.image import Sensor, flux_of_peak
@@ -128,17 +142,7 @@ def _errors(plan: Plan, peers: bool) -> dict[str, list[float] | str]:
             if key == "detect":
                 e, cov = places[index] - px, spots.cov_px2[index]
                 nees += np.einsum("na,nab,nb->n", e, np.linalg.inv(cov), e).tolist()
-    runs: dict[str, list[float] | str] = {
-        f"{key}_error_by_bound": [float(np.sqrt(np.mean(values)))] if values else SEP_MISSING
-        for key, values in squares.items()
-    }
-    runs["nees_by_2"] = [float(np.mean(nees)) / 2.0]
-    runs["sep_error_by_detect"] = (
-        [float(np.sqrt(np.mean(squares["sep"]) / np.mean(squares["detect"])))]
-        if peers
-        else SEP_MISSING
-    )
-    return runs
+    return squares, nees
 
 
 def _missed(plan: Plan) -> dict[str, list[float] | str]:

@@ -10,7 +10,7 @@ from tagmap.conventions import Array, Form, Index, Kind
 from tagmap.geometry import se2, se3
 from tagmap.geometry.measurement import FORM_WIDTH, PIXEL_FORMS
 from tagmap.geometry.stereo import StereoRig
-from tagmap.records.arrays import measurement_blocks
+from tagmap.records.arrays import MeasurementBlock, measurement_blocks
 from tagmap.records.keyframe import Measurement
 
 
@@ -118,13 +118,7 @@ def look(
     source = np.array([i for i, row in enumerate(rows) if row >= 0], dtype=np.int64)
     tag = np.array([row for row in rows if row >= 0], dtype=np.int64)
     found = measurement_blocks([measurements[i] for i in source])
-    width = np.zeros(len(source), dtype=np.int64)
-    k = max((FORM_WIDTH[sensor.kind][block.form] for block in found), default=1)
-    cov = np.zeros((len(source), k, k)) + np.eye(k)
-    for block in found:
-        used = block.z.shape[1]
-        width[block.index] = used
-        cov[block.index, :used, :used] = block.cov
+    cov, width = _padded(found, len(source))
     blocks = (Block(b.form, b.index, b.z, sensor.scale.get(b.form, 1.0)) for b in found)
     each = T_cam_base[source] if T_cam_base.ndim == 3 else T_cam_base
     return Scene(
@@ -139,3 +133,14 @@ def look(
         width=width,
         drift=None if drift is None else drift[source],
     )
+
+
+def _padded(blocks: Sequence[MeasurementBlock], n: int) -> tuple[Array, Index]:
+    """cov (n, k, k), as wide as the widest form, and how much of it each sighting uses (n,)."""
+    k = max((block.z.shape[1] for block in blocks), default=1)
+    cov, width = np.zeros((n, k, k)) + np.eye(k), np.zeros(n, dtype=np.int64)
+    for block in blocks:
+        used = block.z.shape[1]
+        width[block.index] = used
+        cov[block.index, :used, :used] = block.cov
+    return cov, width

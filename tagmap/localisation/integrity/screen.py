@@ -38,6 +38,11 @@ def misfit_of_swaps(
         own += np.einsum("ma,mab,mb->m", r, W, r)
         H += BtW @ B
         g += (BtW @ r[..., None])[..., 0]
+    return _least(own, H, g, cov)
+
+
+def _least(own: Array, H: Array, g: Array, cov: Array) -> Array:
+    """The least (M,) of own - 2 g d + d H d + d cov^-1 d; infinite or zero as said above."""
     ahead = np.isfinite(own)
     linear = ahead & (np.abs(H).max((-1, -2)) < _GRAZING)
     H, g = np.where(linear[:, None, None], H, 0.0), np.where(linear[:, None], g, 0.0)

@@ -9,6 +9,7 @@ from fleet.thesis.methods import left_rays, pose_of, reconstruct, single_image
 from fleet.thesis.setting import circle, peak_tilt_deg, triangle
 from tagmap.errors import DegenerateError
 from tagmap.geometry import se3, stereo
+from tagmap.localisation.coverage import visible
 
 T_MAP_CAM = circle(1.5, 30.0)[3]
 P_MAP = triangle(0.15)
@@ -62,3 +63,11 @@ def test_a_spot_too_faint_is_not_found():
     seen = look(np.random.default_rng(0), thesis_rig(), PAIR, 300.0, 3.0)
     assert not seen.complete
     assert np.isnan(seen.thesis_px).all()
+
+
+@pytest.mark.parametrize("z_m", [1.2, 2.4, 5.0, 8.0])
+def test_the_middle_is_that_of_what_both_cameras_see(z_m):
+    rig, x = thesis_rig(), np.linspace(-3.0, 3.0, 6001)
+    p = np.stack([x, 0.0 * x, np.full_like(x, z_m)], axis=-1)
+    both = visible(rig, p).all(axis=-1)
+    assert middle_m(z_m)[0] == pytest.approx(x[both].mean(), abs=0.02)
