@@ -43,9 +43,14 @@ def thesis(out: Path | None, seed: int, sample: bool, as_json: bool) -> None:
         from fleet.thesis.effort import FULL, SAMPLE
         from fleet.thesis.run import REPORT, run
 
-        contract = run(
-            folder, SAMPLE if sample else FULL, seed, lambda line: click.echo(line, err=True)
-        )
+        try:
+            contract = run(
+                folder, SAMPLE if sample else FULL, seed, lambda line: click.echo(line, err=True)
+            )
+        except KeyboardInterrupt:
+            if (folder / REPORT).exists():
+                click.echo(f"report so far  {folder / REPORT}", err=True)
+            raise
     if as_json:
         import msgspec
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from tagmap.cli.options import Number
 from tagmap.errors import TagmapError
 
 
@@ -13,13 +14,16 @@ from tagmap.errors import TagmapError
 @click.argument("left", type=click.Path(path_type=Path))
 @click.argument("right", type=click.Path(path_type=Path))
 @click.option(
-    "--rig", required=True, metavar="RIG.toml", help="Stereo calibration, or a preset: thesis."
+    "--rig",
+    required=True,
+    metavar="RIG.toml",
+    help="Stereo calibration, or a preset: thesis, wide-angle.",
 )
 @click.option(
     "--gain",
     default=0.0,
     metavar="G",
-    type=click.FloatRange(min=0.0),
+    type=Number(min=0.0),
     help="Grey levels per electron, for shot noise.  [default: 0, as if there were none]",
 )
 @click.option(
@@ -51,6 +55,8 @@ def detect(
     from robot_agent.perception.detection import detect_files
     from robot_agent.perception.spots import Optics
 
+    if picture is not None:
+        _check_picture(picture, (left, right))
     try:
         found = detect_files(left, right, rig, Optics(gain=gain, full_scale=full_scale))
         if picture is not None:
@@ -64,6 +70,14 @@ def detect(
         click.echo(json.dumps(found.as_contract(), allow_nan=False))
     else:
         _show(found.as_contract())
+
+
+def _check_picture(picture: Path, images: tuple[Path, Path]) -> None:
+    """What was measured is not drawn over."""
+    if picture.suffix.lower() != ".png":
+        raise click.UsageError(f"--picture {picture}: expected a name that ends in .png")
+    if picture.exists() and any(image.exists() and picture.samefile(image) for image in images):
+        raise click.UsageError(f"--picture {picture} is one of the images")
 
 
 def _show(contract: dict[str, Any]) -> None:

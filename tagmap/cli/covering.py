@@ -9,12 +9,18 @@ from tagmap.cli.options import POSITIVE, Number, tags_option
 from tagmap.cli.show import show_facts, show_json
 
 UPRIGHT_RAD = 1.571
+HIGHEST_M = 1e4
 
 
 @click.command()
 @tags_option
 @click.option("--rig", required=True, help="Rig file, or the name of a preset.")
-@click.option("--mount-z-m", type=Number(), required=True, help="Height of the camera in the map.")
+@click.option(
+    "--mount-z-m",
+    type=Number(min=-HIGHEST_M, max=HIGHEST_M),
+    required=True,
+    help="Height of the camera in the map.",
+)
 @click.option(
     "--tilt-rad",
     type=Number(min=-UPRIGHT_RAD, max=UPRIGHT_RAD),

@@ -10,6 +10,7 @@ import click
 
 from tagmap.cli.ask import MAX_REPLY_BYTES, TIMEOUT_S, get
 from tagmap.cli.options import Number, Target, client
+from tagmap.cli.pose_facts import for_people
 from tagmap.cli.show import show_facts, show_json
 from tagmap.errors import ConfigError
 
@@ -48,7 +49,8 @@ def localize(target: Target, path: Path, **promise: float | None) -> None:
     else:
         tree = read_json(path)
     stated = {name: value for name, value in promise.items() if value is not None}
-    if _brings_its_map(tree):
+    brings_its_map = _brings_its_map(tree)
+    if brings_its_map:
         reply = _answer_here(tree, path, stated)
     elif stated:
         raise click.UsageError(f"FILE asks the service, which takes no {', '.join(stated)}")
@@ -57,7 +59,7 @@ def localize(target: Target, path: Path, **promise: float | None) -> None:
     if target.as_json:
         show_json(reply)
     else:
-        show_facts(reply)
+        show_facts(for_people(reply) if brings_its_map else reply)
 
 
 def _brings_its_map(tree: Any) -> bool:

@@ -50,6 +50,21 @@ def answered(tmp_path, file, *options):
     return json.loads(result.output)
 
 
+def test_a_pose_for_people_is_short_lines(tmp_path):
+    path = tmp_path / "view.json"
+    for file, words in (
+        (view()[0], ["0.4000 0.3000 2.0000 m", "mm along its own", "a, b, c, d", "good"]),
+        (view(both=False, tags="abc")[0], ["alternatives", "chi2", "degraded", "second pose"]),
+        (view(tags="ab")[0], ["T_map_cam           -", "sigma               -", "lost"]),
+        (view(T_base_cam={"p_m": [0, 0, 1], "q_wxyz": [1, 0, 0, 0]})[0], ["T_map_base"]),
+    ):
+        path.write_text(json.dumps(file))
+        told = CliRunner().invoke(cli, ["localize", str(path)])
+        assert told.exit_code == 0
+        assert all(word in told.output for word in words), told.output
+        assert "[" not in told.output
+
+
 @pytest.mark.parametrize("both", [True, False])
 def test_localize_answers_the_contract(tmp_path, both):
     file, T = view(both)

@@ -97,6 +97,7 @@ def test_interrupted_it_keeps_what_it_has(tmp_path: Path):
     assert (out / "report.html").read_text().endswith("</html>\n")
     assert "figure 3-12  (1 of 12)" in told
     assert "interrupted" in told
+    assert f"report so far  {out}" in told
 
 
 @pytest.mark.slow

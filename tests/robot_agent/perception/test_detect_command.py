@@ -95,6 +95,23 @@ def test_a_picture(pair: tuple[Path, Path], tmp_path: Path):
     assert_refused(done, "No such file")
 
 
+def test_a_picture_is_never_drawn_over_an_image(pair: tuple[Path, Path], tmp_path: Path):
+    before = pair[0].read_bytes()
+    link = tmp_path / "link.png"
+    link.symlink_to(pair[0])
+    for out in (pair[0], link):
+        done = detect(*pair, "--rig", RIG, "--picture", out)
+        assert (done.exit_code, pair[0].read_bytes()) == (2, before)
+        assert "is one of the images" in done.stderr
+    done = detect(*pair, "--rig", RIG, "--picture", tmp_path / "seen.jpg")
+    assert (done.exit_code, list(tmp_path.iterdir())) == (2, [link])
+
+
+@pytest.mark.parametrize("gain", ["nan", "inf", "-1"])
+def test_a_gain_that_cannot_be(pair: tuple[Path, Path], gain: str):
+    assert detect(*pair, "--rig", RIG, "--gain", gain).exit_code == 2
+
+
 def test_black_images_are_no_error(tmp_path: Path):
     path = tmp_path / "black.png"
     cv2.imwrite(str(path), np.zeros((1024, 1280), np.uint8))
