@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from robot_agent.encoded_image import read_encoded
 from tagmap.errors import DataError
 
 Grey = npt.NDArray[np.uint8]
@@ -68,28 +69,17 @@ def _only_in(these: dict[str, Path], others: dict[str, Path]) -> list[Path]:
 def read_grey(path: Path) -> Grey:
     """(height, width) of any image OpenCV reads; colour is converted, 16 bits are stretched to 8.
 
-    The pixels stay where the sensor has them: an orientation in the file is ignored. Raises
-    DataError.
+    An orientation in a JPEG or PNG is ignored: the pixels stay where the sensor has them. OpenCV
+    turns a TIFF that has one, here as everywhere. Raises DataError.
     """
     import cv2
 
-    try:
-        encoded = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}") from None
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    try:
-        image = cv2.imdecode(encoded, flags) if encoded.size else None
-    except cv2.error:
-        image = None
-    if image is None:
-        raise DataError(f"{path}: not an image, expected PNG, JPEG or TIFF")
-    if image.dtype not in (np.uint8, np.uint16):
-        raise DataError(f"{path}: pixels are {image.dtype}, expected 8 or 16 bits without sign")
+    image = read_encoded(path, flags, "PNG, JPEG or TIFF")
     if min(image.shape) < SMALLEST_PX:
         size = f"{image.shape[1]} x {image.shape[0]} px"
         raise DataError(f"{path}: {size}, expected at least {SMALLEST_PX} px either way")
-    return _eight_bits(np.asarray(image))
+    return _eight_bits(image)
 
 
 def _eight_bits(image: npt.NDArray[np.generic]) -> Grey:

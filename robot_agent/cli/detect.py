@@ -64,6 +64,8 @@ def detect(
     except TagmapError as error:
         click.echo(f"robot-agent: {error}", err=True)
         sys.exit(1)
+    for line in found.over_exposed:
+        click.echo(line, err=True)
     if as_json:
         import json
 

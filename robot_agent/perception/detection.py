@@ -1,5 +1,6 @@
 """A pair of images from files to positions of tags: read, find, match."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,14 @@ import numpy as np
 from robot_agent.perception.image_file import check_pair, check_resolution, read_image
 from robot_agent.perception.matching import Matches, View, match
 from robot_agent.perception.report import annotate, as_contract
-from robot_agent.perception.spots import MOST, Image, Optics, Spots
+from robot_agent.perception.spots import MOST, Image, Optics, Spots, full_scale_of
 from robot_agent.perception.spots import detect as detect_spots
 from tagmap.errors import DataError
 from tagmap.records.arrays import stereo_rig
 from tagmap.records.rig_file import find_rig
+
+TOO_BRIGHT = 0.5
+"""Share of an image at full scale from which on its emptiness says nothing of tags."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +27,8 @@ class Detection:
     images: tuple[Image, Image]
     spots: tuple[Spots, Spots]
     matches: Matches
+    over_exposed: tuple[str, ...]
+    """One line for each image of which that is said."""
 
     def as_contract(self) -> dict[str, Any]:
         return as_contract(*self.spots, self.matches)
@@ -62,11 +68,25 @@ def detect_files(left: Path, right: Path, rig: str, optics: Optics) -> Detection
     )
     views = [View(s.px, s.cov_px2, s.usable) for s in spots]
     matches = match(calibration, views[0], views[1])
-    return Detection(images, (spots[0], spots[1]), matches)
+    over_exposed = (
+        *_over_exposed(images[0], optics, left),
+        *_over_exposed(images[1], optics, right),
+    )
+    return Detection(images, (spots[0], spots[1]), matches, over_exposed)
+
+
+def _over_exposed(image: Image, optics: Optics, path: Path) -> Iterator[str]:
+    level = full_scale_of(image, optics)
+    share = np.count_nonzero(image >= level) / image.size
+    if share > TOO_BRIGHT:
+        yield f"over-exposed: {path}: {100 * share:.0f} % of it is at full scale ({level})"
 
 
 def _spots(image: Image, optics: Optics, path: Path) -> Spots:
-    spots = detect_spots(image, optics)
+    try:
+        spots = detect_spots(image, optics)
+    except ValueError as error:
+        raise DataError(f"{path}: {error}") from None
     if spots.truncated:
         raise DataError(f"{path}: more than {MOST} bright places; over-exposed, or not of tags?")
     return spots

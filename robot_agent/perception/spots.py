@@ -80,11 +80,14 @@ class Spots:
 
 
 def detect(image: Image, optics: Optics = Optics()) -> Spots:
-    """Spots of an image (height, width) of 8 or 16 bits. Raises ValueError for any other."""
+    """Spots of an image (height, width) of 8 or 16 bits.
+
+    Raises ValueError for any other, and for a full scale that its type cannot hold.
+    """
     _check(image)
+    full_scale = float(full_scale_of(image, optics))
     if not (image.flags.c_contiguous and image.dtype.isnative):
         image = np.ascontiguousarray(image, image.dtype.newbyteorder("="))
-    full_scale = float(optics.full_scale or (1 << 8 * image.itemsize) - 1)
     rows, flags, variance, background, n, merged = measure.spots(
         image, optics.threshold, optics.gain, full_scale, *optics.sigma_px, MOST
     )
@@ -92,6 +95,18 @@ def detect(image: Image, optics: Optics = Optics()) -> Spots:
         sensor = measure.Sensor(variance, background, optics.gain, full_scale, *optics.sigma_px)
         rows, flags = crowds.place(image, sensor, rows, flags)
     return Spots(rows, flags, variance**0.5, n > MOST)
+
+
+def full_scale_of(image: Image, optics: Optics) -> int:
+    """Grey level at which `image` saturates. Raises ValueError where its type cannot hold it."""
+    bits = 8 * image.itemsize
+    largest = (1 << bits) - 1
+    level = largest if optics.full_scale is None else optics.full_scale
+    if not 1 <= level <= largest:
+        raise ValueError(
+            f"full scale is {level}, expected 1 to {largest}: the image has {bits} bits"
+        )
+    return level
 
 
 def _check(image: Image) -> None:

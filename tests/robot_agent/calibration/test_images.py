@@ -1,3 +1,4 @@
+import struct
 from pathlib import Path
 
 import cv2
@@ -69,17 +70,38 @@ def test_twelve_bits_in_sixteen_are_stretched(tmp_path: Path):
 def test_what_is_no_image_is_named(tmp_path: Path, content: bytes):
     path = tmp_path / "left01.png"
     path.write_bytes(content)
-    with pytest.raises(DataError, match=r"left01\.png: not an image"):
+    with pytest.raises(DataError, match=r"left01\.png: not an image.* JPEG"):
         read_grey(path)
 
 
 @pytest.mark.parametrize(
     ("image", "reason"),
     [
-        (np.full((64, 64), np.nan, np.float32), r"pixels are float32, expected 8 or 16 bits"),
+        (np.full((64, 64), np.nan, np.float32), r"holds float32, expected 8 or 16 bits"),
         (np.zeros((3, 4), np.uint8), r"4 x 3 px, expected at least 64 px"),
     ],
 )
 def test_images_of_another_kind(tmp_path: Path, image: np.ndarray, reason: str):
     with pytest.raises(DataError, match=reason):
         read_grey(write(tmp_path / "left01.tiff", image))
+
+
+def test_a_cut_image_is_named_and_decoders_are_silent(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    noise = np.random.default_rng(1).integers(0, 255, (80, 90), np.uint8)
+    path = write(tmp_path / "left01.png", noise)
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(DataError, match=r"left01\.png: not an image"):
+        read_grey(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_orientation_in_a_jpeg_is_ignored(tmp_path: Path):
+    path = write(tmp_path / "left01.jpg", np.zeros((64, 80), np.uint8))
+    turned = struct.pack("<2sHIHHHIHHI", b"II", 42, 8, 1, 0x0112, 3, 1, 6, 0, 0)
+    exif = b"Exif\0\0" + turned
+    plain = path.read_bytes()
+    path.write_bytes(plain[:2] + struct.pack(">HH", 0xFFE1, len(exif) + 2) + exif + plain[2:])
+    assert cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).shape == (80, 64)
+    assert read_grey(path).shape == (64, 80)

@@ -1,6 +1,7 @@
 """`robot-agent detect` on files as a user has them, good and bad."""
 
 import json
+import os
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from click.testing import CliRunner, Result
 from fleet.simulation.image import Sensor, add_hot_pixels, add_spots, dark, expose, flux_of_peak
 from robot_agent.cli import main
 from robot_agent.cli.detect import detect as command
+from robot_agent.encoded_image import LARGEST_BYTES
 from robot_agent.perception.flags import Flag
 from tagmap.geometry import stereo
 from tagmap.geometry.covariance import unpack_upper
@@ -112,12 +114,28 @@ def test_a_gain_that_cannot_be(pair: tuple[Path, Path], gain: str):
     assert detect(*pair, "--rig", RIG, "--gain", gain).exit_code == 2
 
 
+def test_a_full_scale_above_the_image_type_is_refused(pair: tuple[Path, Path]):
+    done = detect(*pair, "--rig", RIG, "--full-scale", "4095")
+    assert_refused(done, "left8.png: full scale is 4095, expected 1 to 255: the image has 8 bits")
+    assert detect(*pair, "--rig", RIG, "--full-scale", "255").exit_code == 0
+
+
 def test_black_images_are_no_error(tmp_path: Path):
     path = tmp_path / "black.png"
     cv2.imwrite(str(path), np.zeros((1024, 1280), np.uint8))
     done = detect(path, path, "--rig", RIG, "--json")
     assert done.exit_code == 0
     assert all(value == [] for value in json.loads(done.stdout).values())
+
+
+def test_an_over_exposed_image_is_told(pair: tuple[Path, Path], tmp_path: Path):
+    path = tmp_path / "white.png"
+    cv2.imwrite(str(path), np.full((1024, 1280), 255, np.uint8))
+    done = detect(pair[0], path, "--rig", RIG, "--json")
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["right"] == []
+    assert done.stderr == f"over-exposed: {path}: 100 % of it is at full scale (255)\n"
+    assert detect(*pair, "--rig", RIG).stderr == ""
 
 
 def assert_refused(done: Result, reason: str) -> None:
@@ -155,6 +173,12 @@ def wrong_images(folder: Path) -> dict[str, tuple[Path, str]]:
         made[name] = (folder / name, "not an image")
     made["missing"] = (folder / "missing.png", "No such file")
     made["a folder"] = (folder, "directory")
+    made["endless"] = (Path("/dev/zero"), "device or pipe, expected a file: PNG or TIFF")
+    os.mkfifo(folder / "pipe.png")
+    made["a pipe"] = (folder / "pipe.png", "device or pipe")
+    with (folder / "huge.tif").open("wb") as huge:
+        huge.truncate(2 * LARGEST_BYTES)
+    made["huge"] = (folder / "huge.tif", "has 512 MiB, expected at most 256 MiB")
     return made
 
 

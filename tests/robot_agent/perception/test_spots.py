@@ -233,6 +233,14 @@ def test_noise_of_any_kind_does_no_harm():
         assert (np.linalg.eigvalsh(spots.cov_px2[spots.usable]) > 0.0).all()
 
 
+@pytest.mark.parametrize(
+    ("kind", "full_scale"), [("uint8", 256), ("uint8", 0), ("uint16", 65536), ("uint16", -1)]
+)
+def test_a_full_scale_that_the_type_cannot_hold_is_refused(kind: str, full_scale: int):
+    with pytest.raises(ValueError, match=f"full scale is {full_scale}, expected 1 to"):
+        detect(np.zeros((32, 32), kind), Optics(full_scale=full_scale))
+
+
 def test_a_lower_full_scale_is_respected():
     sensor = Sensor(bits=16, full_scale=4095, read_noise=20.0)
     light = dark(sensor, 200.0)
