@@ -55,6 +55,10 @@ class Fit:
         return float(np.sqrt(2.0 * np.mean(self.residual_px**2)))
 
     @property
+    def baseline_m(self) -> float:
+        return float(np.linalg.norm(self.rig.T_right_left[:3, 3]))
+
+    @property
     def squares_px2(self) -> float:
         """Sum of squared residuals."""
         return float(np.sum(self.residual_px**2))

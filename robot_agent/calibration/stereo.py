@@ -11,6 +11,7 @@ from robot_agent.calibration.uncertainty import K3, Sigmas, sigmas
 from tagmap.conventions import Array, Index
 from tagmap.errors import DataError, DegenerateError
 from tagmap.geometry.camera import Camera, undistort
+from tagmap.records.rig import BASELINE_M
 
 FEWEST_PAIRS = 5
 BAD_RATIO = 2.0
@@ -50,7 +51,7 @@ class StereoCalibration:
 
     @property
     def baseline_m(self) -> float:
-        return float(np.linalg.norm(self.fit.rig.T_right_left[:3, 3]))
+        return self.fit.baseline_m
 
     @property
     def customary_rms_px(self) -> Array:
@@ -159,17 +160,22 @@ def relative_sigmas(fit: Fit, sigma: Sigmas) -> dict[str, float]:
     return {
         "left focal length": float(max(sigma.left[:2] / rig.left.focal_px)),
         "right focal length": float(max(sigma.right[:2] / rig.right.focal_px)),
-        "baseline": sigma.baseline_m / float(np.linalg.norm(rig.T_right_left[:3, 3])),
+        "baseline": sigma.baseline_m / fit.baseline_m,
     }
 
 
 def _require_determined(fit: Fit, sigma: Sigmas) -> None:
     relatives = relative_sigmas(fit, sigma)
     if relatives["baseline"] > 1.0:
-        baseline_mm = 1e3 * float(np.linalg.norm(fit.rig.T_right_left[:3, 3]))
         raise DegenerateError(
-            f"baseline {baseline_mm:.3g} mm, expected more than its deviation of"
+            f"baseline {1e3 * fit.baseline_m:.3g} mm, expected more than its deviation of"
             f" {1e3 * sigma.baseline_m:.3g} mm: are left and right of two cameras?"
+        )
+    baseline_m, (least, most) = fit.baseline_m, BASELINE_M
+    if not least <= baseline_m <= most:
+        raise DataError(
+            f"baseline {baseline_m:.3g} m, expected {least:g} to {most:g} m: is the side of a"
+            " square right, in m?"
         )
     for name, relative in relatives.items():
         if relative > OPEN:

@@ -1,11 +1,15 @@
 """Stereo rig calibration: the `rig.toml` of a robot, and the form in which a hello carries it."""
 
+import math
 from typing import Annotated
 
 from msgspec import Meta
 
 from tagmap.records.base import Finite, Positive, Record, Vector, check_finite
 from tagmap.records.transform import Transform
+
+BASELINE_M = (0.001, 10.0)
+"""Least and largest distance of two cameras: less is one camera taken for two, more is mm."""
 
 
 class CameraCalibration(Record, frozen=True, kw_only=True):
@@ -39,4 +43,10 @@ class RigCalibration(Record, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.T_right_left.kind != "spatial":
             raise ValueError("T_right_left is planar, expected p_m of 3 and q_wxyz")
+        baseline_m, (least, most) = math.hypot(*self.T_right_left.p_m), BASELINE_M
+        if not least <= baseline_m <= most:
+            raise ValueError(
+                f"T_right_left.p_m is a baseline of {baseline_m:g} m, expected {least:g} to"
+                f" {most:g} m"
+            )
         check_finite("sigma_px", [self.sigma_px], [1])

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 from hypothesis import strategies as st
+from msgspec import structs
 
 from tagmap import records
 from tagmap.conventions import POSE_DOF, TAG_DOF, Kind
@@ -76,6 +77,14 @@ def odometry(kind: Kind) -> st.SearchStrategy[records.Odometry]:
     return st.builds(records.Odometry, T_prev_cur=transforms(kind), cov=covariances(POSE_DOF[kind]))
 
 
+@st.composite
+def beside(draw: st.DrawFn) -> records.Transform:
+    """Of a right camera, as far away as a rig may have it."""
+    y_m, z_m = draw(st.floats(-5.0, 5.0)), draw(st.floats(-5.0, 5.0))
+    x_m = draw(st.floats(-5.0, -0.001))
+    return structs.replace(draw(transforms("spatial")), p_m=(x_m, y_m, z_m))
+
+
 CAMERAS = st.builds(
     records.CameraCalibration,
     width_px=st.integers(1, 10**5),
@@ -90,7 +99,7 @@ RIGS = st.builds(
     records.RigCalibration,
     left=CAMERAS,
     right=CAMERAS,
-    T_right_left=transforms("spatial"),
+    T_right_left=beside(),
     sigma_px=POSITIVE,
     made=TEXTS,
     by=TEXTS,

@@ -50,6 +50,14 @@ WRONG = {
         "dist has 4 numbers, expected 5",
     ),
     "no unit quaternion": (THESIS.replace("0.991434060", "0.9"), "norm"),
+    "a baseline in mm": (
+        THESIS.replace("[-0.2909523,", "[-290.9523,"),
+        r"a baseline of 290\.952 m, expected 0\.001 to 10 m",
+    ),
+    "no baseline": (
+        THESIS.replace("[-0.2909523, 0.0026767, 0.0193497]", "[0, 0, 0]"),
+        r"a baseline of 0 m, expected 0\.001 to 10 m",
+    ),
     "a misspelt key": (THESIS.replace("sigma_px", "sigma"), "unknown key sigma,"),
     "a misspelt coefficient": (THESIS.replace("dist =", "distortion =", 1), "left.distortion"),
     "empty": ("", "missing"),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import cv2
@@ -166,6 +167,14 @@ def test_one_camera_taken_for_two(some_boards, tmp_path):
     for path in folder.glob("left*"):
         (folder / path.name.replace("left", "right")).write_bytes(path.read_bytes())
     assert "are left and right of two cameras?" in refused(folder, tmp_path / "rig.toml")
+
+
+def test_a_square_in_another_unit(some_boards, tmp_path):
+    folder = some_boards([1, 2, 4, 5, 6, 7])
+    done = run(folder, tmp_path / "rig.toml", "--board", "9x6", "--square-m", "9")
+    assert done.exit_code == 1
+    assert re.search(r"baseline 24 m, expected 0\.001 to 10 m: is the side", done.stderr)
+    assert not (tmp_path / "rig.toml").exists()
 
 
 def test_where_the_rig_cannot_be_written_is_told_before_the_work(tmp_path, monkeypatch):
