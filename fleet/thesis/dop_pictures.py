@@ -84,12 +84,14 @@ def _peaks(axes: "Axes", curves: list[dict[str, Any]]) -> None:
 def draw_danger(path: Path, data: dict[str, Any]) -> None:
     """PDOP with the distance to the cylinder over the same tilts; one by the other; the cures."""
 
-    def draw(_figure: "Figure", panels: list["Axes"]) -> None:
+    def draw(figure: "Figure", panels: list["Axes"]) -> None:
+        # The first panel has a label on its right side too, beside that of the second.
+        figure.set_layout_engine("constrained", wspace=0.08)
         _over_tilt(panels[0], data["curves"][1])
         _by_distance(panels[1], data["curves"])
         _cures(panels[2], data["cures"])
 
-    picture(path, 3, draw, (11.0, 4.0))
+    picture(path, 3, draw, (12.0, 4.0))
 
 
 def _over_tilt(axes: "Axes", curve: dict[str, Any]) -> None:

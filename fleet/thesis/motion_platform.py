@@ -20,7 +20,7 @@ from tagmap.localisation.view import Views, inverse_of
 TRANSLATION_M = 0.1
 TILT_DEG = 30.0
 NEAREST_M = 1.2
-_DRAWN = 2000
+PLACEMENTS = 2000
 _ASIDE_M = 0.15
 
 
@@ -65,10 +65,10 @@ class Campaign:
     other_root: float
 
 
-def fits(setup: Setup, seed: int) -> bool:
-    """Whether any of many placements of the tags is in both images."""
+def fitting(setup: Setup, seed: int) -> int:
+    """How many of PLACEMENTS of the tags are in both images."""
     T_cam_map = _placements(np.random.default_rng(seed), setup)
-    return bool(_visible(thesis_rig(), setup, T_cam_map).any())
+    return int(_visible(thesis_rig(), setup, T_cam_map).sum())
 
 
 @cache
@@ -100,13 +100,14 @@ def campaign(setup: Setup, groups: int, seed: int) -> Campaign:
 
 
 def _placements(rng: np.random.Generator, setup: Setup) -> Array:
-    """T_cam_map (_DRAWN, 4, 4) of tags before both cameras, TILT_DEG to the axis, turned anyhow."""
+    """T_cam_map (PLACEMENTS, 4, 4) of tags before both cameras, TILT_DEG to the axis, turned
+    anyhow."""
     tilt = np.deg2rad(TILT_DEG)
     p = setup.distance_m * np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     R_cam_map = looking_at(p, np.zeros(3))[:3, :3].T
-    turns = np.zeros((2, _DRAWN, 3))
-    turns[..., 2] = rng.uniform(-np.pi, np.pi, (2, _DRAWN))
-    aside = rng.uniform(-_ASIDE_M, _ASIDE_M, (_DRAWN, 3)) * [1.0, 1.0, 0.0]
+    turns = np.zeros((2, PLACEMENTS, 3))
+    turns[..., 2] = rng.uniform(-np.pi, np.pi, (2, PLACEMENTS))
+    aside = rng.uniform(-_ASIDE_M, _ASIDE_M, (PLACEMENTS, 3)) * [1.0, 1.0, 0.0]
     R = so3.exp(turns[0]) @ R_cam_map @ so3.exp(turns[1])
     return se3.from_p_R(middle_m(setup.distance_m) + aside, R)
 
@@ -120,7 +121,7 @@ def _groups(rng: np.random.Generator, rig: StereoRig, setup: Setup, count: int) 
     found = np.empty((0, 2, 4, 4))
     while len(found) < count:
         before = _placements(rng, setup)
-        after, way = before.copy(), rng.standard_normal((_DRAWN, 3))
+        after, way = before.copy(), rng.standard_normal((PLACEMENTS, 3))
         after[:, :3, 3] += TRANSLATION_M * way / np.linalg.norm(way, axis=-1, keepdims=True)
         good = _visible(rig, setup, before) & _visible(rig, setup, after)
         found = np.concatenate([found, np.stack([before, after], axis=1)[good]])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from typing import TypeAlias
 
 from fleet.thesis.section import Claim, Section, Table
 
@@ -23,6 +24,9 @@ td.text { text-align: left; }
 details { margin: 0.8rem 0; } summary { cursor: pointer; }
 """
 
+Fact: TypeAlias = tuple[str, str, str]
+"""A name, its value, and what it means."""
+
 _INTRODUCTION = (
     "Each section sets four things side by side: what the thesis reports, what its method gives "
     "in this simulation, what the optimum of this project gives, and the Cramér-Rao bound, below "
@@ -30,15 +34,22 @@ _INTRODUCTION = (
 )
 
 
-def page(sections: Sequence[Section], missing: Sequence[str], facts: dict[str, str]) -> str:
-    """HTML that needs nothing but the PNGs beside it."""
-    rows = "".join(f"<tr><td>{escape(k)}</td><td>{escape(v)}</td></tr>" for k, v in facts.items())
+def page(
+    sections: Sequence[Section], missing: Sequence[str], facts: Sequence[Fact], numbers: str
+) -> str:
+    """HTML that needs nothing but the PNGs beside it, and the file of `numbers` that it links."""
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(value)}</td>"
+        f'<td class="text">{escape(text)}</td></tr>'
+        for name, value, text in facts
+    )
+    link = f'All numbers: <a href="{numbers}">{numbers}</a>.'
     left_out = f"<p>Not there, the run was cut short: {escape(', '.join(missing))}.</p>"
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
         f"<title>The thesis, simulated</title><style>{_STYLE}</style></head><body>"
-        f"<h1>The figures and tables of the thesis, simulated</h1><p>{_INTRODUCTION}</p>"
+        f"<h1>The figures and tables of the thesis, simulated</h1><p>{_INTRODUCTION} {link}</p>"
         f"<table>{rows}</table>{left_out if missing else ''}{_contents(sections)}"
         f"{''.join(_section(section) for section in sections)}</body></html>\n"
     )
@@ -59,7 +70,8 @@ def _section(section: Section) -> str:
         f'<h2 id="{section.key}">{escape(section.title)}</h2>'
         f"<p><b>The thesis:</b> {escape(section.reported)}</p>"
         f"<p><b>Here:</b> {escape(section.finding)}</p>{notes}"
-        f'<img src="{section.picture}" alt="{escape(section.title)}">'
+        f'<a href="{section.picture}">'
+        f'<img src="{section.picture}" alt="{escape(section.title)}"></a>'
         f"{_claims(section.claims)}{tables}"
         f"<details><summary>Assumed here</summary>{_list(section.assumed)}</details>"
     )

@@ -11,7 +11,7 @@ import msgspec
 from fleet.thesis.curves import FIGURES
 from fleet.thesis.danger import danger_cylinder
 from fleet.thesis.dop_pictures import draw_curves, draw_danger
-from fleet.thesis.effort import Effort
+from fleet.thesis.effort import MEANING, Effort
 from fleet.thesis.other_pictures import draw_ranging, draw_table
 from fleet.thesis.ranging import figure_3_12
 from fleet.thesis.report import page
@@ -73,15 +73,14 @@ def _draw(folder: Path, section: Section) -> None:
 
 def _write(folder: Path, done: list[Section], effort: Effort, seed: int) -> dict[str, Any]:
     contract = as_contract(done, effort, seed)
-    facts = {
-        "seed": str(seed),
-        **{name: f"{count:g}" for name, count in asdict(effort).items()},
-        "all numbers": NUMBERS,
-        "made by": f"fleet thesis --seed {seed}, tagmap {__version__}",
-    }
+    facts = [
+        ("seed", str(seed), "Of all noise: the same seed gives the same numbers."),
+        *((name, f"{count:g}", MEANING[name]) for name, count in asdict(effort).items()),
+        ("made by", f"fleet thesis --seed {seed}, tagmap {__version__}", ""),
+    ]
     missing = [key for key, _ in SECTIONS[len(done) :]]
     _replace(folder / NUMBERS, msgspec.json.format(msgspec.json.encode(contract)))
-    _replace(folder / REPORT, page(done, missing, facts).encode())
+    _replace(folder / REPORT, page(done, missing, facts, NUMBERS).encode())
     return contract
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.thesis import run as running
-from fleet.thesis.effort import SAMPLE
+from fleet.thesis.effort import MEANING, SAMPLE
 from fleet.thesis.report import number
 from fleet.thesis.run import SECTIONS, run
 
@@ -28,6 +28,13 @@ def test_the_file_holds_what_was_returned(report):
     assert report.numbers == report.contract
     assert report.numbers["seed"] == report.seed
     assert report.numbers["effort"]["trials"] == report.effort.trials
+
+
+def test_every_count_is_explained(report):
+    assert list(MEANING) == list(report.numbers["effort"])
+    for name, text in MEANING.items():
+        assert f"<td>{name}</td>" in report.html
+        assert text in report.html
 
 
 def test_every_section_says_what_was_reported_found_and_assumed(report):
@@ -63,8 +70,11 @@ def test_every_row_sets_the_methods_beside_what_was_printed(report):
 
 
 def test_the_page_opens_offline(report):
-    sources = re.findall(r'(?:src|href)="([^"#]+)"', report.html)
-    assert sorted(sources) == sorted(s["picture"] for s in report.sections.values())
+    pictures = sorted(section["picture"] for section in report.sections.values())
+    assert sorted(re.findall(r'src="([^"#]+)"', report.html)) == pictures
+    assert sorted(re.findall(r'<a href="([^"#]+)"><img', report.html)) == pictures
+    links = re.findall(r'href="([^"#]+)"', report.html)
+    assert sorted(links) == sorted([*pictures, "numbers.json"])
     assert "http" not in report.html
     assert f"--seed {report.seed}" in report.html
     assert not re.search(r">(nan|inf|None)\b", report.html)
