@@ -16,7 +16,7 @@ Kind = TypeVar("Kind")
 
 LARGEST_BYTES = 16 * 2**20
 """A quarter of a million tags. What is larger is another file, or has no end."""
-AXES = {2: "[u, v] in px", 3: "[x, y, z] in m"}
+AXES = {2: "[u, v] in px", 3: "[x, y, z] in m", 6: "[xx, xy, xz, yy, yz, zz] in m^2"}
 
 
 def read_json(path: Path) -> Any:

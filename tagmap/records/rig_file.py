@@ -34,7 +34,7 @@ def read_rig(path: Path) -> RigCalibration:
         raise ConfigError(f"{path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}") from None
-    _check_keys(path, tree)
+    check_keys(str(path), tree)
     if isinstance(tree.get("made"), datetime.date):
         tree["made"] = tree["made"].isoformat()
     try:
@@ -89,15 +89,16 @@ def _line(key: str, value: Any, remark: str | None) -> str:
     return f"{text}  # {remark}" if remark else text
 
 
-def _check_keys(path: Path, tree: dict[str, Any]) -> None:
-    """A misspelt optional key would otherwise silently mean its default."""
+def check_keys(name: str, tree: dict[str, Any]) -> None:
+    """Raise ConfigError for what no rig has: a misspelt optional key would silently mean its
+    default. `name` is of the file, or of the rig in it."""
     for table, record in _TABLES.items():
         part = tree.get(table, {}) if table else tree
         known = record.__struct_fields__
         for key, value in part.items() if isinstance(part, dict) else ():
             where = f"{table}.{key}" if table else key
             if key not in known:
-                raise ConfigError(f"{path}: unknown key {where}, expected {', '.join(known)}")
+                raise ConfigError(f"{name}: unknown key {where}, expected {', '.join(known)}")
             numbers = value if isinstance(value, list) else [value]
             if any(isinstance(x, float) and not math.isfinite(x) for x in numbers):
-                raise ConfigError(f"{path}: {where} is {value}, expected finite numbers")
+                raise ConfigError(f"{name}: {where} is {value}, expected finite numbers")

@@ -20,6 +20,7 @@ from tagmap.records.base import (
 )
 from tagmap.records.json_file import as_record, check_points
 from tagmap.records.rig import CameraCalibration, RigCalibration
+from tagmap.records.rig_file import check_keys
 from tagmap.records.transform import Transform
 
 Sigma: TypeAlias = Annotated[float, Meta(ge=LEAST_VARIANCE**0.5, le=LARGEST)]
@@ -91,14 +92,24 @@ class ViewFile(Record, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 def view_of(tree: Any, name: str) -> ViewFile:
-    """What a file named `name` holds, by json_file. Raises DataError."""
-    for key, size in (("tags", 3), ("left", 2), ("right", 2)):
-        if isinstance(tree, dict) and key in tree:
-            check_points(tree[key], size, f"{name}: {key}")
+    """What a file named `name` holds, by json_file. Raises DataError, ConfigError of its rig."""
+    if isinstance(tree, dict):
+        _check_parts(tree, name)
     file = as_record(tree, ViewFile, name)
     if len(file.tags) > 1 and len(set(file.tags.values())) == 1:
         raise DataError(f"{name}: tags: all {len(file.tags)} are at one place")
     return file
+
+
+def _check_parts(tree: dict[str, Any], name: str) -> None:
+    """Where msgspec does not tell which tag is wrong, and ignores keys that it does not know."""
+    for key, size in (("tags", 3), ("left", 2), ("right", 2)):
+        if key in tree:
+            check_points(tree[key], size, f"{name}: {key}")
+    if isinstance(tree.get("tag_cov_m2"), dict):
+        check_points(tree["tag_cov_m2"], 6, f"{name}: tag_cov_m2")
+    if isinstance(tree.get("rig"), dict):
+        check_keys(f"{name}: rig", tree["rig"])
 
 
 def check_inside(file: ViewFile, rig: RigCalibration, name: str) -> None:

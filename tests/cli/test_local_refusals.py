@@ -4,16 +4,19 @@ import json
 import re
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import CliRunner
 
 from tagmap.cli import cli
 from tagmap.errors import TagmapError
 from tagmap.records.json_file import LARGEST_BYTES
+from tagmap.records.rig_file import find_rig
 
 TAGS = {"a": [0, 1, 0], "b": [0.9, -0.5, 0], "c": [-0.9, -0.5, 0], "d": [0.1, 0.2, 0.4]}
 SEEN = {"a": [600, 500], "b": [700, 500], "c": [600, 600], "d": [650, 550]}
 VIEW = {"rig": "wide-angle", "tags": TAGS, "left": SEEN, "sigma_px": 0.2}
+RIG = msgspec.to_builtins(find_rig("wide-angle"))
 AT_ONE_PLACE = {tag: [1, 1, 1] for tag in TAGS}
 
 
@@ -53,6 +56,19 @@ WRONG_VIEWS = {
     "negative noise": (changed(sigma_px=-1), "sigma_px is -1: Expected `float` >= 1e-09"),
     "no noise": (changed(sigma_px=0), "sigma_px is 0: Expected `float` >= 1e-09"),
     "negative variance": (changed(tag_cov_m2=-1), "tag_cov_m2 is -1: Expected"),
+    "a tag's variance alone": (
+        changed(tag_cov_m2={"a": 1e-6, "b": [1, 0]}),
+        r"tag_cov_m2: a is 1e-06, expected \[xx, xy, xz, yy, yz, zz\] in m\^2",
+    ),
+    "a misspelt key of a rig": (
+        changed(rig=RIG | {"left": RIG["left"] | {"distortion": [0.1, 0, 0, 0, 0]}}),
+        "rig: unknown key left.distortion, expected width_px",
+    ),
+    "a key that no rig has": (changed(rig=RIG | {"sigma": 1}), "rig: unknown key sigma,"),
+    "a rig in mm": (
+        changed(rig=RIG | {"T_right_left": {"p_m": [-300, 0, 0], "q_wxyz": [1, 0, 0, 0]}}),
+        "rig is .*: T_right_left.p_m is a baseline of 300 m, expected 0.001 to 10 m",
+    ),
     "another camera": (
         changed(left=SEEN | {"a": [1300, 500]}),
         r"left: a is at \(1300, 500\) px, expected to be within the rig's image of 1280 x 1024 px",
