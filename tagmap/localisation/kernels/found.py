@@ -16,6 +16,10 @@ from tagmap.localisation.kernels.view import View
 MOST = 4
 # Squared Mahalanobis distance.
 _SAME_POSE = 1.0
+# Poses whose chi2 differs by less explain a view equally well: the difference is rounding.
+_CHI2_STEP = 1e-6
+# Askew to whatever people build along, so that mirrored poses do not lie at equal heights.
+_UPWARDS = (0.5698402910, 0.7548776662, 1.0)
 
 
 class Found(NamedTuple):
@@ -52,6 +56,19 @@ def information(found: Found, k: int) -> Square:
 
 
 @compiled
+def _is_behind(found: Found, k: int, chi2: float, T: Pose) -> bool:
+    """Whether pose k comes after another of `chi2`: it fits worse or, where both fit as well, lies
+    farther upwards in the map. Which of a view's exact roots is the first then depends neither on
+    rounding nor on the order of tags."""
+    steps = np.rint(found.chi2[k] / _CHI2_STEP) - np.rint(chi2 / _CHI2_STEP)
+    x, y, z = _UPWARDS
+    height = x * T[3] + y * T[7] + z * T[11]
+    own = x * found.T[k, 3] + y * found.T[k, 7] + z * found.T[k, 11]
+    behind: bool = steps > 0.0 or (steps == 0.0 and own > height)
+    return behind
+
+
+@compiled
 def add(view: View, T: Pose, found: Found, n: int) -> int:
     """Refine T and sort it in, unless it leads to a pose that is there; their number."""
     chi2, T, H = refine(view, T)
@@ -64,7 +81,7 @@ def add(view: View, T: Pose, found: Found, n: int) -> int:
     if n == MOST and chi2 >= found.chi2[MOST - 1]:
         return n
     at = min(n, MOST - 1)
-    while at > 0 and found.chi2[at - 1] > chi2:
+    while at > 0 and _is_behind(found, at - 1, chi2, T):
         found.chi2[at] = found.chi2[at - 1]
         for i in range(12):
             found.T[at, i] = found.T[at - 1, i]
