@@ -77,15 +77,10 @@ class Surveyed:
 
 
 @dataclass(frozen=True, slots=True)
-class Prior:
-    """What earlier keyframes said, condensed: a Gaussian on the first pose and some tags.
+class Hold:
+    """What is known of the first pose beforehand: about T (D, D) with information (dof, dof)."""
 
-    tag (M,); T (D, D), p (M, d): its mean; information (dof + M d, dof + M d), pose first.
-    """
-
-    tag: Index
     T: Array
-    p: Array
     information: Array
 
 
@@ -101,7 +96,7 @@ class Problem:
     surveyed: Surveyed
     scale_names: tuple[ScaleName, ...]
     scale_sigma: Array
-    prior: Prior | None = None
+    hold: Hold | None = None
 
     @property
     def pose_dof(self) -> int:

@@ -21,7 +21,7 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
         odometry=_odometry(problem.odometry, poses),
         sightings=tuple(_sightings(block, poses, new_tag) for block in problem.sightings),
         surveyed=_surveyed(problem.surveyed, new_tag),
-        prior=None,
+        hold=None,
     )
 
 

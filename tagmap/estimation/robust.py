@@ -33,18 +33,6 @@ def chi2_bound(dimension: int) -> float:
     return float(stats.chi2.ppf(INLIER_PROBABILITY, dimension))
 
 
-def weights_at(problem: Problem, residuals: Residuals, mu: float) -> Weights:
-    """Weights of sightings and surveyed tags, 0..1."""
-    return Weights(
-        tuple(
-            truncated(r2, chi2_bound(block.z.shape[1]), mu)
-            for block, r2 in zip(problem.sightings, residuals.sightings, strict=True)
-        ),
-        np.ones_like(residuals.odometry),
-        truncated(residuals.surveyed, chi2_bound(problem.tag_dof), mu),
-    )
-
-
 def truncated(r2: Array, c2: float, mu: float) -> Array:
     """w (K,) of squared residuals r2 (K,); r2 = inf gives 0."""
     if mu >= SHARPEST:

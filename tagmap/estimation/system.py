@@ -1,0 +1,167 @@
+"""The joint problem linearised, and the step that its linear model asks for.
+
+        [ A  B ] [poses]     [ a ]      A  block tridiagonal, one chain of odometry after the other
+        [ B' C ] [rest ]  =  [ b ]      rest: tags, then calibration unknowns
+
+How its step is found is said in tagmap.estimation.reduced.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagmap.conventions import Array
+from tagmap.estimation import robust
+from tagmap.estimation.kernels import motion, sightings, steps
+from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.packing import Packed, empty, pack, poses_in_space, state_of, tags_in_space
+from tagmap.estimation.problem import Problem, State
+from tagmap.estimation.residuals import Residuals, Weights
+from tagmap.geometry import se3
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Of the unknowns, in space: T (N, 4, 4), p (M, 3), calibration (Q,)."""
+
+    T: Array
+    p: Array
+    calibration: Array
+
+
+@dataclass(slots=True)
+class Point:
+    """The problem at some values: its linear model, and what each factor costs there.
+
+    asked: the cost at the weights it was asked with; `weights`, `cost`: those of the model.
+    own (M, 3, 3): what the tags' blocks hold besides sightings.
+    """
+
+    values: Values
+    linear: Linear
+    own: Array
+    residuals: Residuals
+    weights: Weights
+    asked: float
+    cost: float
+
+
+class System:
+    """The packed problem and room for two points: the present one and the next to be tried."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.packed: Packed = pack(problem)
+        self.n_columns = len(problem.scale_names)
+        self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
+        surveyed = problem.surveyed
+        whole = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
+        d = problem.tag_dof
+        self._survey = np.zeros((len(surveyed), 3, 3))
+        self._survey[:, :d, :d] = whole
+        self._surveyed_p = tags_in_space(surveyed.p)
+
+    def values(self, state: State) -> Values:
+        return Values(poses_in_space(state.T), tags_in_space(state.p), state.scale.copy())
+
+    def state(self, values: Values) -> State:
+        return state_of(self.problem.kind, values.T, values.p, values.calibration)
+
+    def moved(self, values: Values, poses: Array, tags: Array, calibration: Array) -> Values:
+        T = np.empty_like(values.T)
+        motion.move_all(values.T, poses, T)
+        return Values(T, values.p + tags, values.calibration + calibration)
+
+    def release(self, point: Point) -> None:
+        """Its room may be used again."""
+        self._room.append(point.linear)
+
+    def at(self, values: Values, weights: Weights, mu: float = sightings.KEEP) -> Point:
+        """Linearise, at new weights if mu is not KEEP; the cost is that at the given ones."""
+        linear = self._room.pop()
+        for sums in (
+            linear.tag_diagonal,
+            linear.tag_gradient,
+            linear.pose_calibration,
+            linear.tag_calibration,
+            linear.calibration,
+            linear.calibration_gradient,
+        ):
+            sums[:] = 0.0
+        asked = cost = 0.0
+        new, squares = [], []
+        for block, given, w in zip(
+            self.packed.blocks, self.problem.sightings, weights.sightings, strict=True
+        ):
+            new_w, r2 = np.empty_like(w), np.empty_like(w)
+            c2 = robust.chi2_bound(given.z.shape[1])
+            old_part, part = sightings.linearise_sightings(
+                block, values.T, values.p, values.calibration, c2, mu, w, new_w, r2, linear
+            )
+            asked, cost = asked + old_part, cost + part
+            new.append(new_w)
+            squares.append(r2)
+        steps.gather_sightings(linear)
+        odometry = np.zeros(len(self.packed.steps.has))
+        rest = steps.linearise_steps(
+            self.packed.steps, values.T, np.ones_like(odometry), odometry, linear
+        )
+        if self.packed.pose_pins.any():
+            linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
+        own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, weights.surveyed, mu)
+        scale_r2 = self._add_calibration_prior(linear, values)
+        rest += float(scale_r2.sum()) + self._add_hold(linear, values)
+        residuals = Residuals(
+            tuple(squares),
+            odometry[self.problem.odometry.first],
+            surveyed_r2,
+            scale_r2,
+        )
+        return Point(
+            values,
+            linear,
+            own,
+            residuals,
+            Weights(tuple(new), weights.odometry, surveyed_w),
+            asked + rest + float(weights.surveyed @ surveyed_r2),
+            cost + rest + float(surveyed_w @ surveyed_r2),
+        )
+
+    def _add_surveys(
+        self, linear: Linear, values: Values, old: Array, mu: float
+    ) -> tuple[Array, Array, Array]:
+        tag = self.problem.surveyed.tag
+        offset = values.p[tag] - self._surveyed_p
+        pull = (self._survey @ offset[:, :, None])[:, :, 0]
+        r2 = np.einsum("ka,ka->k", offset, pull)
+        w = old if mu < 0.0 else robust.truncated(r2, robust.chi2_bound(self.problem.tag_dof), mu)
+        own = np.zeros_like(linear.tag_diagonal)
+        own[:, range(3), range(3)] = self.packed.tag_pins
+        np.add.at(own, tag, self._survey * w[:, None, None])
+        np.add.at(linear.tag_gradient, tag, pull * w[:, None])
+        linear.tag_diagonal[:] += own
+        return own, w, r2
+
+    def _add_hold(self, linear: Linear, values: Values) -> float:
+        """What is known of the first pose beforehand."""
+        hold = self.problem.hold
+        if hold is None:
+            return 0.0
+        T_mean = poses_in_space(hold.T[None])[0]
+        error = se3.log(se3.inverse(T_mean) @ values.T[0])
+        to_map = np.kron(np.eye(2), values.T[0, :3, :3])
+        axes = self.packed.axes
+        information = np.zeros((6, 6))
+        information[np.ix_(axes, axes)] = hold.information
+        pull = information @ error
+        linear.diagonal[0] += to_map @ information @ to_map.T
+        linear.pose_gradient[0] += to_map @ pull
+        return float(error @ pull)
+
+    def _add_calibration_prior(self, linear: Linear, values: Values) -> Array:
+        information = self.problem.scale_sigma**-2.0
+        offset = values.calibration - 1.0
+        linear.calibration[range(self.n_columns), range(self.n_columns)] += information
+        linear.calibration_gradient[:] += information * offset
+        r2: Array = information * offset**2
+        return r2
