@@ -1,37 +1,25 @@
-"""A first trajectory and tag map of one odometry chain, grown window by window.
+"""A first trajectory of one odometry chain, grown window by window.
 
 A batch start from dead reckoning is trapped where odometry has turned by radians over an hour.
-Growing is not: each window of keyframes starts where the last one ended, is optimised against the
-tags known so far, and is then condensed into a Gaussian on its last pose and the tags
-(marginalisation: Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017, 5.3).
+Growing is not: each window of keyframes starts where the last one ended and is optimised against
+the tags known so far, each taken with what the windows before say of it alone. What is lost that
+way, the correlation of tags, the joint optimisation brings back; here only start values are made.
 """
 
-from dataclasses import dataclass, replace
-
 import numpy as np
-from scipy import linalg
 
 from tagmap.conventions import Array, Index
-from tagmap.estimation.linear import Factorisation, NormalEquations, dense
-from tagmap.estimation.optimise import Optimum, Options, optimise
+from tagmap.estimation.optimise import Optimiser, Options
 from tagmap.estimation.points import Points, fit_tags
-from tagmap.estimation.problem import Prior, Problem, State
-from tagmap.estimation.restrict import restrict
+from tagmap.estimation.problem import Hold, Problem, State, Surveyed
+from tagmap.estimation.restrict import restrict, with_known
 
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
-LEAST_INFORMATION = 1e-9
-WINDOW_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
-
-
-@dataclass(frozen=True, slots=True)
-class _Known:
-    """Tags of the growing map: their numbers, and how many sightings carry each."""
-
-    prior: Prior
-    tags: Index
-    support: Array
+WINDOW_OPTIONS = Options(
+    max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2, robust_surveys=False
+)
 
 
 def grow(problem: Problem, points: Points, poses: Index) -> Array:
@@ -39,133 +27,65 @@ def grow(problem: Problem, points: Points, poses: Index) -> Array:
 
     `problem` is without scales and surveys; `points` are those of all its sightings.
     """
-    size = problem.tag_dof + 1
-    T = np.empty((len(poses), size, size))
-    T[0] = np.eye(size)
-    if len(poses) == 1:
+    return _Growth(problem, points, poses).run()
+
+
+class _Growth:
+    """What is known so far: tags p (M, d), NaN if not, their information and sightings."""
+
+    def __init__(self, problem: Problem, points: Points, poses: Index) -> None:
+        self._problem, self._points, self._poses = problem, points, poses
+        d, m = problem.tag_dof, problem.n_tags
+        self._p = np.full((m, d), np.nan)
+        self._information = np.zeros((m, d, d))
+        self._support = np.zeros(m)
+        self._hold = np.eye(problem.pose_dof) / FIRST_SIGMA**2
+
+    def run(self) -> Array:
+        """Poses (n, D, D)."""
+        n, size = len(self._poses), self._problem.tag_dof + 1
+        T = np.tile(np.eye(size), (n, 1, 1))
+        steps = self._steps()
+        start = 0
+        while start + 1 < n:
+            stop = min(start + WINDOW, n)
+            for i in range(start + 1, stop):
+                T[i] = T[i - 1] @ steps[i - 1]
+            T[start:stop] = self._advance(self._poses[start:stop], T[start:stop])
+            start = stop - 1
         return T
-    steps = _steps(problem, poses)
-    known = _nothing_known(problem, T[0])
-    start = 0
-    while True:
-        stop = min(start + WINDOW, len(poses))
-        window = np.arange(start, stop)
-        for i in window[1:]:
-            T[i] = T[i - 1] @ steps[i - 1]
-        T[window], known = _advance(problem, points, poses[window], T[window], known)
-        if stop == len(poses):
-            return T
-        start = stop - 1
 
+    def _steps(self) -> Array:
+        """Odometry steps along the chain, (n - 1, D, D)."""
+        odometry, poses = self._problem.odometry, self._poses
+        first, last = np.searchsorted(odometry.first, [poses[0], poses[-1]])
+        return odometry.T[first:last]
 
-def _steps(problem: Problem, poses: Index) -> Array:
-    """Odometry steps along the chain, (n - 1, D, D)."""
-    start, stop = np.searchsorted(problem.odometry.first, [poses[0], poses[-1]])
-    return problem.odometry.T[start:stop]
+    def _advance(self, poses: Index, T: Array) -> Array:
+        """Optimise one window of which the first pose is held; remember what it says."""
+        seen = self._points.of_poses(poses[0], poses[-1])
+        self._place_new_tags(seen, T)
+        tags = np.unique(seen.tag)
+        tags = tags[np.isfinite(self._p[tags, 0])]
+        known = np.flatnonzero(self._support[tags] >= LEAST_SIGHTINGS)
+        window = with_known(
+            restrict(self._problem, poses, tags),
+            Surveyed.known(known, self._p[tags[known]], self._information[tags[known]]),
+            Hold(T[0], self._hold),
+        )
+        optimiser = Optimiser(window, WINDOW_OPTIONS)
+        optimum = optimiser.run(State(T, self._p[tags], np.ones(0)))
+        for block, w in zip(window.sightings, optimum.weights.sightings, strict=True):
+            np.add.at(self._support, tags[block.tag], w)
+        self._p[tags] = optimum.state.p
+        self._information[tags] = optimiser.tag_information()
+        forgotten = tags[self._support[tags] < LEAST_SIGHTINGS]
+        self._p[forgotten], self._support[forgotten] = np.nan, 0.0
+        self._hold = optimiser.last_information()
+        return optimum.state.T
 
-
-def _nothing_known(problem: Problem, T: Array) -> _Known:
-    """But that the next pose to start from is T (D, D)."""
-    dof = problem.pose_dof
-    none = np.zeros(0, dtype=np.int64)
-    sure = np.eye(dof) / FIRST_SIGMA**2
-    prior = Prior(none, T, np.zeros((0, problem.tag_dof)), sure)
-    return _Known(prior, none, np.zeros(0))
-
-
-def _advance(
-    problem: Problem, points: Points, poses: Index, T: Array, known: _Known
-) -> tuple[Array, _Known]:
-    """Optimise one window whose first pose the prior holds; return its poses and the new prior."""
-    new = _new_tags(points, poses, T, known.tags, problem.n_tags)
-    tags = np.union1d(known.tags, new.tags)
-    p = np.empty((len(tags), problem.tag_dof))
-    p[np.searchsorted(tags, new.tags)] = new.p
-    at = np.searchsorted(tags, known.tags)
-    p[at] = known.prior.p
-    window = replace(restrict(problem, poses, tags), prior=replace(known.prior, tag=at))
-    optimum = optimise(window, State(T, p, np.ones(0)), WINDOW_OPTIONS)
-    support = _support(window, optimum)
-    support[at] += known.support
-    return optimum.state.T, _condense(window, optimum, tags, support)
-
-
-@dataclass(frozen=True, slots=True)
-class _NewTags:
-    tags: Index
-    p: Array
-
-
-def _new_tags(points: Points, poses: Index, T: Array, known: Index, n_tags: int) -> _NewTags:
-    """Start positions of the tags that the window sees and nobody knew."""
-    seen = points.of_poses(poses[0], poses[-1])
-    unknown = np.flatnonzero(~np.isin(seen.tag, known))
-    if not len(unknown):
-        return _NewTags(unknown, np.zeros((0, T.shape[-1] - 1)))
-    fit = fit_tags(seen.take(unknown), T, n_tags)
-    tags = np.flatnonzero(fit.determined)
-    return _NewTags(tags, fit.p[tags])
-
-
-def _support(window: Problem, optimum: Optimum) -> Array:
-    """Sum of robust weights per tag, (M,)."""
-    support = np.zeros(window.n_tags)
-    for block, w in zip(window.sightings, optimum.weights.sightings, strict=True):
-        np.add.at(support, block.tag, w)
-    return support
-
-
-def _condense(window: Problem, optimum: Optimum, tags: Index, support: Array) -> _Known:
-    """Marginalise all but the last pose, and the tags that too few sightings carry.
-
-    Where rounding leaves nothing positive definite of it, the window is forgotten.
-    """
-    state = optimum.state
-    lasting = np.flatnonzero(support >= LEAST_SIGHTINGS)
-    try:
-        whole = _last_pose_and_tags(optimum.equations, window.pose_dof)
-        information = _marginal(whole, _columns(lasting, window))
-    except linalg.LinAlgError:
-        return _nothing_known(window, state.T[-1])
-    prior = Prior(lasting, state.T[-1], state.p[lasting], information)
-    return _Known(prior, tags[lasting], support[lasting])
-
-
-def _marginal(information: Array, kept: Index) -> Array:
-    """Schur complement on the columns `kept`. Raises LinAlgError if not positive definite."""
-    gone = np.setdiff1d(np.arange(len(information)), kept)
-    reduced = information[np.ix_(kept, kept)]
-    if len(gone):
-        block = information[np.ix_(gone, gone)] + LEAST_INFORMATION * np.eye(len(gone))
-        cross = information[np.ix_(gone, kept)]
-        reduced = reduced - cross.T @ linalg.cho_solve(linalg.cho_factor(block), cross)
-    linalg.cholesky(reduced)
-    symmetric: Array = 0.5 * (reduced + reduced.T)
-    return symmetric
-
-
-def _columns(tags: Index, window: Problem) -> Index:
-    """Columns of the last pose and of `tags` where that pose comes before all tags."""
-    dof, d = window.pose_dof, window.tag_dof
-    return np.concatenate([np.arange(dof), (dof + tags[:, None] * d + np.arange(d)).ravel()])
-
-
-def _last_pose_and_tags(equations: NormalEquations, dof: int) -> Array:
-    """Schur complement on (last pose, border): the last pose joins the border."""
-    coupling = dense(equations.coupling)
-    last = coupling[-dof:]
-    border = np.block([[equations.diagonal[-1], last], [last.T, equations.border]])
-    rows = len(coupling) - dof
-    if not rows:
-        return border
-    link = np.zeros((rows, dof))
-    link[-dof:] = equations.next[-1].T
-    rest = NormalEquations(
-        equations.diagonal[:-1],
-        equations.next[:-1],
-        np.hstack([link, coupling[:rows]]),
-        border,
-        equations.gradient_pose[:-1],
-        np.zeros(len(border)),
-    )
-    return Factorisation(rest).schur
+    def _place_new_tags(self, seen: Points, T: Array) -> None:
+        unknown = np.flatnonzero(np.isnan(self._p[seen.tag, 0]))
+        if len(unknown):
+            fit = fit_tags(seen.take(unknown), T, self._problem.n_tags)
+            self._p[fit.determined] = fit.p[fit.determined]

@@ -7,7 +7,7 @@ from math import comb
 import numpy as np
 
 from tagmap.conventions import TAG_DOF, Array, Index, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.geometry.alignment import align
 
 MOST_SAMPLES = 300

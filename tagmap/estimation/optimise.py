@@ -27,7 +27,8 @@ MANY_PRODUCTS = 25
 class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
-    mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any.
+    mu_step: factor by which the robust weights sharpen at a time; robust, robust_surveys: whether
+    there are any, and for positions from outside.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
@@ -37,6 +38,7 @@ class Options:
     mu_step: float = 2.0
     max_regroupings: int = 20
     robust: bool = True
+    robust_surveys: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class Optimiser:
 
     def __init__(self, problem: Problem, options: Options) -> None:
         self._problem, self._options = problem, options
-        self._system = System(problem)
+        self._system = System(problem, options.robust_surveys)
         self._reduced = Reduced(self._system)
         self._damping = DAMPING_FIRST
         self._mu = KEEP
@@ -78,6 +80,7 @@ class Optimiser:
             if moved is None:
                 break
             point, settled = moved
+        self._last = point
         return Optimum(
             self._system.state(point.values),
             point.weights,
@@ -86,6 +89,15 @@ class Optimiser:
             iterations,
             settled,
         )
+
+    def tag_information(self) -> Array:
+        """(M, d, d) of each tag at the optimum, all poses taken as known."""
+        d = self._problem.tag_dof
+        return self._last.linear.tag_diagonal[:, :d, :d].copy()
+
+    def last_information(self) -> Array:
+        """(dof, dof) of the last pose at the optimum, body frame, all tags taken as known."""
+        return self._reduced.last_information(self._last)
 
     def _first(self, state: State) -> Point:
         values = self._system.values(state)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagmap.conventions import Array, Index, Mask
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.problem import Problem, Sightings
 from tagmap.estimation.sums import sum_by
 from tagmap.geometry import camera, measurement

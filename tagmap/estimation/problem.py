@@ -12,11 +12,13 @@ normal equations is then block tridiagonal.
 """
 
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
+from tagmap.geometry import se2, se3
 from tagmap.geometry.stereo import StereoRig
 from tagmap.records.keyframe import Form
 
@@ -72,6 +74,12 @@ class Surveyed:
     def __len__(self) -> int:
         return len(self.tag)
 
+    @classmethod
+    def known(cls, tag: Index, p: Array, information: Array) -> "Surveyed":
+        """From information (K, d, d) instead of whitening."""
+        upper = np.swapaxes(np.linalg.cholesky(information), -1, -2)
+        return cls(tag, p, upper)
+
     def take(self, keep: Index) -> "Surveyed":
         return Surveyed(self.tag[keep], self.p[keep], self.whiten[keep])
 
@@ -123,6 +131,11 @@ class State:
     T: Array
     p: Array
     scale: Array
+
+
+def lie(kind: Kind) -> ModuleType:
+    """se3 or se2: the group of the poses."""
+    return se3 if kind == "spatial" else se2
 
 
 def whitening(cov: Array) -> Array:

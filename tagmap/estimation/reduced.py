@@ -135,6 +135,17 @@ class Reduced:
         predicted -= float(unknowns @ linear.calibration_gradient)
         return Step(poses, tags, unknowns, predicted, products)
 
+    def last_information(self, point: Point) -> Array:
+        """(dof, dof) of the last pose, body frame, all tags taken as known.
+
+        The chains must be those of the point: it is the last that was prepared.
+        """
+        R, axes = point.values.T[-1, :3, :3], self._system.packed.axes
+        to_body = np.kron(np.eye(2), R.T)
+        cov = (to_body @ self._D[-1] @ to_body.T)[np.ix_(axes, axes)]
+        information: Array = np.linalg.inv(0.5 * (cov + cov.T))
+        return information
+
     def _conjugate_gradients(self, enough: float) -> tuple[Array, int]:
         """Stops when two products together gained too little to go on."""
         x, r = np.zeros_like(self._rhs), self._rhs.copy()

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import ScaleName, State
 from tagmap.estimation.report import report

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.problem import (
     Odometry,
     Problem,

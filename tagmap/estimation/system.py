@@ -49,8 +49,9 @@ class Point:
 class System:
     """The packed problem and room for two points: the present one and the next to be tried."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, robust_surveys: bool = True) -> None:
         self.problem = problem
+        self._robust_surveys = robust_surveys
         self.packed: Packed = pack(problem)
         self.n_columns = len(problem.scale_names)
         self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
@@ -134,7 +135,9 @@ class System:
         offset = values.p[tag] - self._surveyed_p
         pull = (self._survey @ offset[:, :, None])[:, :, 0]
         r2 = np.einsum("ka,ka->k", offset, pull)
-        w = old if mu < 0.0 else robust.truncated(r2, robust.chi2_bound(self.problem.tag_dof), mu)
+        w = old
+        if mu >= 0.0 and self._robust_surveys:
+            w = robust.truncated(r2, robust.chi2_bound(self.problem.tag_dof), mu)
         own = np.zeros_like(linear.tag_diagonal)
         own[:, range(3), range(3)] = self.packed.tag_pins
         np.add.at(own, tag, self._survey * w[:, None, None])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Form, Kind
-from tagmap.estimation.factors import lie, sighting_points, sighting_scale
+from tagmap.estimation.problem import lie, sighting_points, sighting_scale
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Weights
 from tagmap.estimation.stack import Stacked, stack

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.settle import settle
 from tagmap.estimation.stack import stack

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Form, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.solution import Solution
 from tagmap.estimation.stack import SessionData, SurveyedTag
 from tagmap.geometry import measurement, se2, se3

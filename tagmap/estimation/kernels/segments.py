@@ -125,7 +125,7 @@ def eliminate(
                 for s in range(slots):
                     Y[a, s] = linear.pose_calibration[i, a, s]
             for k in range(linear.first[i], linear.first[i + 1]):
-                _add_coupling(linear.seen, k, slots + local_of[linear.tag[k]] * 3, Y)
+                add_coupling(linear.seen, k, slots + local_of[linear.tag[k]] * 3, Y)
             if i > begin:
                 O = linear.following[i - 1]
                 for a in range(6):
@@ -140,38 +140,10 @@ def eliminate(
                         for e in range(6):
                             sum_ += L[a, e] * O[b, e]
                         S[a, b] -= sum_
-                    for b in range(used):
-                        Y[a, b] -= (
-                            L[a, 0] * previous[0, b]
-                            + L[a, 1] * previous[1, b]
-                            + L[a, 2] * previous[2, b]
-                            + L[a, 3] * previous[3, b]
-                            + L[a, 4] * previous[4, b]
-                            + L[a, 5] * previous[5, b]
-                        )
+                carry(L, previous, used, Y)
             if not invert(S, D):
                 return False
-            for a in range(6):
-                for b in range(used):
-                    Z[a, b] = (
-                        D[a, 0] * Y[0, b]
-                        + D[a, 1] * Y[1, b]
-                        + D[a, 2] * Y[2, b]
-                        + D[a, 3] * Y[3, b]
-                        + D[a, 4] * Y[4, b]
-                        + D[a, 5] * Y[5, b]
-                    )
-            for a in range(used):
-                y0, y1, y2, y3, y4, y5 = Y[0, a], Y[1, a], Y[2, a], Y[3, a], Y[4, a], Y[5, a]
-                for b in range(a + 1):
-                    local[a, b] += (
-                        y0 * Z[0, b]
-                        + y1 * Z[1, b]
-                        + y2 * Z[2, b]
-                        + y3 * Z[3, b]
-                        + y4 * Z[4, b]
-                        + y5 * Z[5, b]
-                    )
+            add_product(D, Y, used, Z, local)
             Y, previous = previous, Y
         own = tags[start[g] : start[g + 1]]
         at_place = _spread(local, slots, own, place, at_place, blocks)
@@ -182,7 +154,48 @@ def eliminate(
 
 
 @compiled
-def _add_coupling(seen: Array, k: int, at: int, Y: Array) -> None:
+def carry(L: Array, previous: Array, used: int, Y: Array) -> None:
+    """Y (6, used) -= L previous."""
+    for a in range(6):
+        for b in range(used):
+            Y[a, b] -= (
+                L[a, 0] * previous[0, b]
+                + L[a, 1] * previous[1, b]
+                + L[a, 2] * previous[2, b]
+                + L[a, 3] * previous[3, b]
+                + L[a, 4] * previous[4, b]
+                + L[a, 5] * previous[5, b]
+            )
+
+
+@compiled
+def add_product(D: Array, Y: Array, used: int, Z: Array, local: Array) -> None:
+    """local (used, used), its lower triangle, += Y' D Y; Z (6, used) = D Y."""
+    for a in range(6):
+        for b in range(used):
+            Z[a, b] = (
+                D[a, 0] * Y[0, b]
+                + D[a, 1] * Y[1, b]
+                + D[a, 2] * Y[2, b]
+                + D[a, 3] * Y[3, b]
+                + D[a, 4] * Y[4, b]
+                + D[a, 5] * Y[5, b]
+            )
+    for a in range(used):
+        y0, y1, y2, y3, y4, y5 = Y[0, a], Y[1, a], Y[2, a], Y[3, a], Y[4, a], Y[5, a]
+        for b in range(a + 1):
+            local[a, b] += (
+                y0 * Z[0, b]
+                + y1 * Z[1, b]
+                + y2 * Z[2, b]
+                + y3 * Z[3, b]
+                + y4 * Z[4, b]
+                + y5 * Z[5, b]
+            )
+
+
+@compiled
+def add_coupling(seen: Array, k: int, at: int, Y: Array) -> None:
     """What a tag does to its pose: -W, -hat(q) W, into columns at..at + 2 of Y (6, ...)."""
     W = full((seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]))
     turned = hat_times((seen[k, 6], seen[k, 7], seen[k, 8]), W)
