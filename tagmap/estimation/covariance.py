@@ -39,7 +39,9 @@ class Marginals:
         self._problem = problem
         self._system = System(problem)
         weights = robust.efficient(problem, optimum.weights)
-        self._point = self._system.at(self._system.values(optimum.state), weights)
+        self._point = self._system.at(
+            self._system.values(optimum.state), self._system.belief(weights)
+        )
         n = problem.n_poses
         self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
         if not chain.factor(self._point.linear, 0.0, self._L, self._D, np.zeros((6, 6))):

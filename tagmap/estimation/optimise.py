@@ -11,7 +11,7 @@ from tagmap.estimation.kernels.sightings import KEEP
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.reduced import Reduced, Step
 from tagmap.estimation.residuals import Residuals, Weights
-from tagmap.estimation.system import Point, System
+from tagmap.estimation.system import Belief, Point, System
 
 # While steps still gain more than this part of the cost, the weights wait: sharpened early, they
 # would cut off what the state has yet to come near.
@@ -83,8 +83,8 @@ class Optimiser:
         self._last = point
         return Optimum(
             self._system.state(point.values),
-            point.weights,
-            point.residuals,
+            self._system.weights(point.belief),
+            self._system.residuals(point.squares),
             point.cost,
             iterations,
             settled,
@@ -101,12 +101,13 @@ class Optimiser:
 
     def _first(self, state: State) -> Point:
         values = self._system.values(state)
-        point = self._system.at(values, Weights.ones(self._problem))
+        point = self._system.at(values, self._system.certain())
         if not self._options.robust:
             return point
-        self._mu = robust.first_mu(self._problem, point.residuals)
+        sighted = self._system.packed.sighted
+        self._mu = robust.first_mu(point.squares.sightings, sighted.c2[sighted.form])
         self._system.release(point)
-        return self._system.at(values, point.weights, self._kernel_mu())
+        return self._system.at(values, point.belief, self._kernel_mu())
 
     @property
     def _sharp(self) -> bool:
@@ -147,12 +148,12 @@ class Optimiser:
         if step.predicted <= SHARPEN_BELOW * point.cost and self._mu != KEEP:
             self._mu = min(self._mu * self._options.mu_step, robust.SHARPEST)
         values = self._system.moved(point.values, step.poses, step.tags, step.calibration)
-        return self._system.at(values, point.weights, self._kernel_mu())
+        return self._system.at(values, point.belief, self._kernel_mu())
 
     def _count_regrouping(self, point: Point, trial: Point) -> None:
         if self._mu == KEEP or not self._sharp:
             return
-        self._regroupings += not _same(point.weights, trial.weights)
+        self._regroupings += not _same(point.belief, trial.belief)
         if self._regroupings >= self._options.max_regroupings:
             self._mu = KEEP
 
@@ -160,6 +161,5 @@ class Optimiser:
         return free_directions(self._problem, point.values.p)
 
 
-def _same(a: Weights, b: Weights) -> bool:
-    blocks = zip(a.sightings, b.sightings, strict=True)
-    return all(np.array_equal(x, y) for x, y in blocks) and np.array_equal(a.surveyed, b.surveyed)
+def _same(a: Belief, b: Belief) -> bool:
+    return np.array_equal(a.sightings, b.sightings) and np.array_equal(a.surveyed, b.surveyed)

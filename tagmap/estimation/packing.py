@@ -4,11 +4,13 @@ A planar problem lies in the plane z = 0. Its steps and sightings say nothing of
 plane: there `pins` hold poses and tags where they are.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tagmap.conventions import Array, Form, Index, Kind
+from tagmap.estimation import robust
 from tagmap.estimation.kernels.forms import (
     MONO_PX,
     POINT_M,
@@ -17,7 +19,7 @@ from tagmap.estimation.kernels.forms import (
     RIG_SIZE,
     STEREO_PX,
 )
-from tagmap.estimation.kernels.layout import Block, Linear, Steps
+from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
 from tagmap.estimation.kernels.sightings import SCALE
 from tagmap.estimation.problem import Problem, Sightings, State
 from tagmap.geometry.camera import Camera
@@ -35,16 +37,17 @@ _AXES: dict[Kind, Index] = {"spatial": np.arange(6), "planar": np.array([0, 1, 5
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """blocks and steps for the kernels; first, tag: see Linear.
+    """What the kernels are given, and how its rows come from the problem's blocks.
 
-    pins: diagonals (6,) of every pose and (3,) of every tag. axes (dof,): which of the six
-    coordinates of a pose the problem has.
+    rows: of each block of sightings, where they stand among all. slot_column (N, s): see Linear.
+    pose_pins (6,), tag_pins (3,): diagonals for every pose and tag.
+    axes (dof,): which of the six coordinates of a pose the problem has.
     """
 
-    blocks: tuple[Block, ...]
+    sighted: Sighted
+    rows: tuple[Index, ...]
     steps: Steps
     first: Index
-    tag: Index
     slot_column: Index
     pose_pins: Array
     tag_pins: Array
@@ -52,23 +55,20 @@ class Packed:
 
 
 def pack(problem: Problem) -> Packed:
-    """Without a copy of what is large, where its layout allows."""
-    pose = np.concatenate([block.pose for block in problem.sightings] or [_none()])
+    """All blocks as one table."""
+    blocks = problem.sightings
+    pose = _joined([block.pose for block in blocks])
     order = np.argsort(pose, kind="stable")
-    row = np.empty_like(order)
-    row[order] = np.arange(len(order))
-    bounds = np.cumsum([0, *map(len, problem.sightings)])
-    slots = len(problem.scale_names)
-    tag = np.concatenate([block.tag for block in problem.sightings] or [_none()])
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    bounds = np.cumsum([0, *map(len, blocks)])
     planar = problem.kind == "planar"
+    slots = len(problem.scale_names)
     return Packed(
-        blocks=tuple(
-            _block(problem.kind, block, row[begin:end])
-            for block, begin, end in zip(problem.sightings, bounds[:-1], bounds[1:], strict=True)
-        ),
+        sighted=_sighted(problem, order),
+        rows=tuple(place[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)),
         steps=_steps(problem),
         first=np.searchsorted(pose[order], np.arange(problem.n_poses + 1)),
-        tag=tag[order],
         slot_column=np.tile(np.arange(slots), (problem.n_poses, 1)),
         pose_pins=np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0]) if planar else np.zeros(6),
         tag_pins=np.array([0.0, 0.0, 1.0]) if planar else np.zeros(3),
@@ -78,10 +78,10 @@ def pack(problem: Problem) -> Packed:
 
 def empty(packed: Packed, n_tags: int, n_columns: int) -> Linear:
     """Room for one linearisation."""
-    n, k, slots = len(packed.first) - 1, len(packed.tag), packed.slot_column.shape[1]
+    n, k, slots = len(packed.first) - 1, len(packed.sighted.tag), packed.slot_column.shape[1]
     return Linear(
         first=packed.first,
-        tag=packed.tag,
+        tag=packed.sighted.tag,
         seen=np.zeros((k, 9)),
         gradient=np.zeros((k, 3)),
         diagonal=np.zeros((n, 6, 6)),
@@ -120,28 +120,54 @@ def state_of(kind: Kind, T: Array, p: Array, scale: Array) -> State:
     return State(flat, p[:, :2].copy(), scale)
 
 
-def _none() -> Index:
-    return np.zeros(0, dtype=np.int64)
+def _joined(parts: Sequence[Index]) -> Index:
+    whole: Index = np.concatenate([*parts, np.zeros(0, dtype=np.int64)])
+    return whole
 
 
-def _block(kind: Kind, block: Sightings, row: Index) -> Block:
-    mounts, mount = _distinct(poses_in_space(block.T_cam_base))
-    planar = kind == "planar" and block.form == "range_bearing"
-    scaled = np.full(int(block.scale >= 0), block.scale, dtype=np.int64)
-    return Block(
-        form=RANGE_BEARING_PLANAR if planar else _CODES[block.form],
-        rig=_rig(block.rig),
-        z=np.pad(block.z, ((0, 0), (0, 4 - block.z.shape[1]))),
-        whiten=_lower(block.whiten),
-        row=row,
-        pose=block.pose,
-        tag=block.tag,
-        mount=mount,
+def _sighted(problem: Problem, order: Index) -> Sighted:
+    blocks = problem.sightings
+    sizes = [len(block) for block in blocks]
+    forms = [_form(problem.kind, block.form) for block in blocks]
+    c2 = np.zeros(RANGE_BEARING_PLANAR + 1)
+    for form, block in zip(forms, blocks, strict=True):
+        c2[form] = robust.chi2_bound(block.z.shape[1])
+    mounts, mount = _mounts(blocks)
+    each = np.repeat(np.arange(len(blocks)), sizes)[order]
+    z = [np.pad(block.z, ((0, 0), (0, 4 - block.z.shape[1]))) for block in blocks]
+    return Sighted(
+        form=np.array(forms, dtype=np.int64)[each],
+        rig=each,
+        rigs=np.array([_rig(block.rig) for block in blocks]).reshape(-1, RIG_SIZE),
+        pose=_joined([block.pose for block in blocks])[order],
+        tag=_joined([block.tag for block in blocks])[order],
+        mount=mount[order],
         T_cam_base=mounts,
-        kinds=np.full(len(scaled), SCALE, dtype=np.int64),
-        slots=scaled,
-        columns=scaled,
+        z=np.concatenate([*z, np.zeros((0, 4))])[order],
+        whiten=np.concatenate([*(_lower(b.whiten) for b in blocks), np.zeros((0, 10))])[order],
+        unknowns=each,
+        kinds=np.full((len(blocks), int(bool(problem.scale_names))), SCALE),
+        columns=np.array([[b.scale] for b in blocks], dtype=np.int64).reshape(-1, 1)[
+            :, : int(bool(problem.scale_names))
+        ],
+        c2=c2,
     )
+
+
+def _form(kind: Kind, form: Form) -> int:
+    planar = kind == "planar" and form == "range_bearing"
+    return RANGE_BEARING_PLANAR if planar else _CODES[form]
+
+
+def _mounts(blocks: Sequence[Sightings]) -> tuple[Array, Index]:
+    """The T_cam_base that occur, (U, 4, 4), and which of them each sighting has."""
+    mounts, numbers, n = [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)], 0
+    for block in blocks:
+        own, number = _distinct(block.T_cam_base)
+        mounts.append(poses_in_space(own))
+        numbers.append(number + n)
+        n += len(own)
+    return np.concatenate(mounts), np.concatenate(numbers)
 
 
 def _lower(whiten: Array) -> Array:
@@ -157,8 +183,8 @@ def _distinct(T: Array) -> tuple[Array, Index]:
     """The matrices that occur, and which of them each is."""
     if len(T) and (T == T[0]).all():
         return T[:1].copy(), np.zeros(len(T), dtype=np.int64)
-    flat, index = np.unique(T.reshape(-1, 16), axis=0, return_inverse=True)
-    return flat.reshape(-1, 4, 4), index.ravel().astype(np.int64)
+    flat, index = np.unique(T.reshape(len(T), -1), axis=0, return_inverse=True)
+    return flat.reshape(-1, *T.shape[1:]), index.ravel().astype(np.int64)
 
 
 def _rig(rig: StereoRig | None) -> Array:

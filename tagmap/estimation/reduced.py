@@ -21,7 +21,6 @@ from scipy.sparse.linalg import splu
 from tagmap.conventions import Array, Index
 from tagmap.estimation.kernels import chain, segments
 from tagmap.estimation.kernels.layout import Linear
-from tagmap.estimation.packing import empty
 from tagmap.estimation.system import Point, System
 
 SEGMENT_SIGHTINGS = 36
@@ -85,9 +84,9 @@ class Reduced:
         n, packed = system.problem.n_poses, system.packed
         self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
         self._u, self._work = np.zeros((n, 6)), np.zeros((6, 6))
-        self._linear: Linear = empty(packed, 0, 0)
+        self._linear: Linear
         self._own = self._calibration = self._poses = self._rhs = np.zeros(0)
-        self._pattern = Pattern.of(packed.first, packed.tag, system.problem.n_tags)
+        self._pattern = Pattern.of(packed.first, packed.sighted.tag, system.problem.n_tags)
         self._precondition: Callable[[Array], Array] | None = None
         self._gauge: Array | None = None
 

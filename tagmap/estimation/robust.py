@@ -16,11 +16,11 @@ Odometry is not down-weighted: a chain cut at one bad step would fall apart.
 from functools import cache
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from tagmap.conventions import Array
 from tagmap.estimation.problem import Problem
-from tagmap.estimation.residuals import Residuals, Weights
+from tagmap.estimation.residuals import Weights
 
 INLIER_PROBABILITY = 0.99
 SHARPEST = 100.0
@@ -30,7 +30,7 @@ BLUNTEST = 1e-4
 @cache
 def chi2_bound(dimension: int) -> float:
     """The c2 that INLIER_PROBABILITY of true measurements stay below."""
-    return float(stats.chi2.ppf(INLIER_PROBABILITY, dimension))
+    return float(special.chdtri(dimension, 1.0 - INLIER_PROBABILITY))
 
 
 def truncated(r2: Array, c2: float, mu: float) -> Array:
@@ -42,15 +42,9 @@ def truncated(r2: Array, c2: float, mu: float) -> Array:
     return w
 
 
-def first_mu(problem: Problem, residuals: Residuals) -> float:
+def first_mu(r2: Array, c2: Array) -> float:
     """mu at which the surrogate is convex for the worst residual: c2 / (2 max r2 - c2)."""
-    ratio = max(
-        (
-            float(np.max(r2[np.isfinite(r2)], initial=0.0)) / chi2_bound(block.z.shape[1])
-            for block, r2 in zip(problem.sightings, residuals.sightings, strict=True)
-        ),
-        default=0.0,
-    )
+    ratio = float(np.max((r2 / c2)[np.isfinite(r2)], initial=0.0))
     return float(np.clip(1.0 / max(2.0 * ratio - 1.0, 1e-9), BLUNTEST, SHARPEST))
 
 
@@ -72,5 +66,5 @@ def efficient(problem: Problem, weights: Weights) -> Weights:
 @cache
 def efficiency(dimension: int) -> float:
     """What an accepted measurement of that dimension is worth."""
-    kept = stats.chi2.cdf(chi2_bound(dimension), dimension + 2)
+    kept = special.chdtr(dimension + 2, chi2_bound(dimension))
     return float(kept / INLIER_PROBABILITY)

@@ -1,9 +1,9 @@
-"""The joint problem linearised, and the step that its linear model asks for.
+"""The joint problem linearised at some values of its unknowns.
 
         [ A  B ] [poses]     [ a ]      A  block tridiagonal, one chain of odometry after the other
         [ B' C ] [rest ]  =  [ b ]      rest: tags, then calibration unknowns
 
-How its step is found is said in tagmap.estimation.reduced.
+How a step is found is said in tagmap.estimation.reduced.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from tagmap.conventions import Array
 from tagmap.estimation import robust
 from tagmap.estimation.kernels import motion, sightings, steps
 from tagmap.estimation.kernels.layout import Linear
-from tagmap.estimation.packing import Packed, empty, pack, poses_in_space, state_of, tags_in_space
+from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Residuals, Weights
 from tagmap.geometry import se3
@@ -29,19 +29,37 @@ class Values:
     calibration: Array
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Robust weights of all sightings (K,), ascending by pose, and of the surveyed tags."""
+
+    sightings: Array
+    surveyed: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Squares:
+    """Squared whitened residuals: of sightings (K,), steps (N - 1,), surveyed tags, scales."""
+
+    sightings: Array
+    steps: Array
+    surveyed: Array
+    scale: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Point:
     """The problem at some values: its linear model, and what each factor costs there.
 
-    asked: the cost at the weights it was asked with; `weights`, `cost`: those of the model.
+    asked: the cost at the weights it was asked with; `belief`, `cost`: those of the model.
     own (M, 3, 3): what the tags' blocks hold besides sightings.
     """
 
     values: Values
     linear: Linear
     own: Array
-    residuals: Residuals
-    weights: Weights
+    squares: Squares
+    belief: Belief
     asked: float
     cost: float
 
@@ -51,15 +69,13 @@ class System:
 
     def __init__(self, problem: Problem, robust_surveys: bool = True) -> None:
         self.problem = problem
-        self._robust_surveys = robust_surveys
-        self.packed: Packed = pack(problem)
+        self.packed = pack(problem)
         self.n_columns = len(problem.scale_names)
+        self._robust_surveys = robust_surveys
         self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
-        surveyed = problem.surveyed
-        whole = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
-        d = problem.tag_dof
+        surveyed, d = problem.surveyed, problem.tag_dof
         self._survey = np.zeros((len(surveyed), 3, 3))
-        self._survey[:, :d, :d] = whole
+        self._survey[:, :d, :d] = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
         self._surveyed_p = tags_in_space(surveyed.p)
 
     def values(self, state: State) -> Values:
@@ -73,68 +89,76 @@ class System:
         motion.move_all(values.T, poses, T)
         return Values(T, values.p + tags, values.calibration + calibration)
 
+    def belief(self, weights: Weights) -> Belief:
+        """Weights by block as rows."""
+        rows = np.ones(self.problem.n_sightings)
+        for at, w in zip(self.packed.rows, weights.sightings, strict=True):
+            rows[at] = w
+        return Belief(rows, weights.surveyed)
+
+    def weights(self, belief: Belief) -> Weights:
+        """And back."""
+        by_block = tuple(belief.sightings[rows] for rows in self.packed.rows)
+        return Weights(by_block, np.ones(len(self.problem.odometry.first)), belief.surveyed)
+
+    def residuals(self, squares: Squares) -> Residuals:
+        """Squared residuals by block."""
+        by_block = tuple(squares.sightings[rows] for rows in self.packed.rows)
+        steps_ = squares.steps[self.problem.odometry.first]
+        return Residuals(by_block, steps_, squares.surveyed, squares.scale)
+
+    def certain(self) -> Belief:
+        """Everything is believed."""
+        return Belief(np.ones(self.problem.n_sightings), np.ones(len(self.problem.surveyed)))
+
     def release(self, point: Point) -> None:
         """Its room may be used again."""
         self._room.append(point.linear)
 
-    def at(self, values: Values, weights: Weights, mu: float = sightings.KEEP) -> Point:
-        """Linearise, at new weights if mu is not KEEP; the cost is that at the given ones."""
+    def at(self, values: Values, belief: Belief, mu: float = sightings.KEEP) -> Point:
+        """Linearise, at new weights if mu is not KEEP; `asked` is the cost at the given ones."""
         linear = self._room.pop()
-        for sums in (
-            linear.tag_diagonal,
-            linear.tag_gradient,
-            linear.pose_calibration,
-            linear.tag_calibration,
-            linear.calibration,
-            linear.calibration_gradient,
-        ):
-            sums[:] = 0.0
-        asked = cost = 0.0
-        new, squares = [], []
-        for block, given, w in zip(
-            self.packed.blocks, self.problem.sightings, weights.sightings, strict=True
-        ):
-            new_w, r2 = np.empty_like(w), np.empty_like(w)
-            c2 = robust.chi2_bound(given.z.shape[1])
-            old_part, part = sightings.linearise_sightings(
-                block, values.T, values.p, values.calibration, c2, mu, w, new_w, r2, linear
-            )
-            asked, cost = asked + old_part, cost + part
-            new.append(new_w)
-            squares.append(r2)
+        _clear(linear)
+        w, r2 = np.empty_like(belief.sightings), np.empty_like(belief.sightings)
+        asked, cost = sightings.linearise_sightings(
+            self.packed.sighted,
+            values.T,
+            values.p,
+            values.calibration,
+            mu,
+            belief.sightings,
+            w,
+            r2,
+            linear,
+        )
         steps.gather_sightings(linear)
-        odometry = np.zeros(len(self.packed.steps.has))
+        step_r2 = np.zeros(len(self.packed.steps.has))
         rest = steps.linearise_steps(
-            self.packed.steps, values.T, np.ones_like(odometry), odometry, linear
+            self.packed.steps, values.T, np.ones_like(step_r2), step_r2, linear
         )
         if self.packed.pose_pins.any():
             linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
-        own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, weights.surveyed, mu)
+        own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
         scale_r2 = self._add_calibration_prior(linear, values)
         rest += float(scale_r2.sum()) + self._add_hold(linear, values)
-        residuals = Residuals(
-            tuple(squares),
-            odometry[self.problem.odometry.first],
-            surveyed_r2,
-            scale_r2,
-        )
         return Point(
             values,
             linear,
             own,
-            residuals,
-            Weights(tuple(new), weights.odometry, surveyed_w),
-            asked + rest + float(weights.surveyed @ surveyed_r2),
+            Squares(r2, step_r2, surveyed_r2, scale_r2),
+            Belief(w, surveyed_w),
+            asked + rest + float(belief.surveyed @ surveyed_r2),
             cost + rest + float(surveyed_w @ surveyed_r2),
         )
 
     def _add_surveys(
         self, linear: Linear, values: Values, old: Array, mu: float
     ) -> tuple[Array, Array, Array]:
+        """Their own blocks (M, 3, 3), weights and squared residuals."""
         tag = self.problem.surveyed.tag
         offset = values.p[tag] - self._surveyed_p
         pull = (self._survey @ offset[:, :, None])[:, :, 0]
-        r2 = np.einsum("ka,ka->k", offset, pull)
+        r2 = (offset * pull).sum(axis=1)
         w = old
         if mu >= 0.0 and self._robust_surveys:
             w = robust.truncated(r2, robust.chi2_bound(self.problem.tag_dof), mu)
@@ -168,3 +192,16 @@ class System:
         linear.calibration_gradient[:] += information * offset
         r2: Array = information * offset**2
         return r2
+
+
+def _clear(linear: Linear) -> None:
+    """What is added to, not set."""
+    for sums in (
+        linear.tag_diagonal,
+        linear.tag_gradient,
+        linear.pose_calibration,
+        linear.tag_calibration,
+        linear.calibration,
+        linear.calibration_gradient,
+    ):
+        sums[:] = 0.0

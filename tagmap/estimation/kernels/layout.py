@@ -13,28 +13,29 @@ from typing import NamedTuple
 from tagmap.conventions import Array, Index
 
 
-class Block(NamedTuple):
-    """K sightings of one form and one calibration, ascending by pose.
+class Sighted(NamedTuple):
+    """All K sightings, ascending by pose.
 
-    z (K, c), whiten (K, c, c) lower triangular; row (K,): where each stands among the sightings of
-    all blocks, which are ordered by pose; mount (K,): its T_cam_base among (U, 4, 4).
-    rig (30,): see tagmap.estimation.kernels.forms.
-    kinds, slots, columns (q,): the calibration unknowns it depends on: what they are, their places
-    among those of its poses, and among those of the problem.
+    form, rig, mount, unknowns (K,): which form, which of the rigs (R, 30), which T_cam_base of
+    (U, 4, 4), which row of the calibration unknowns; pose, tag (K,); z (K, 4);
+    whiten (K, 10): lower triangle, row by row.
+    kinds, columns (u, q): what the calibration unknowns of one row are, and their places among those
+    of the problem, -1 behind the last. c2 (forms,): bound of the robust cost.
     """
 
-    form: int
-    rig: Array
-    z: Array
-    whiten: Array
-    row: Index
+    form: Index
+    rig: Index
+    rigs: Array
     pose: Index
     tag: Index
     mount: Index
     T_cam_base: Array
+    z: Array
+    whiten: Array
+    unknowns: Index
     kinds: Index
-    slots: Index
     columns: Index
+    c2: Array
 
 
 class Steps(NamedTuple):
@@ -51,11 +52,12 @@ class Steps(NamedTuple):
 class Linear(NamedTuple):
     """Normal equations in axes of the map.
 
-    first (N + 1,): rows of pose i are first[i]:first[i + 1]; tag (K,): of each row
+    first (N + 1,): the sightings of pose i are first[i]:first[i + 1]; tag (K,): of each
     seen (K, 9), gradient (K, 3): see tagmap.estimation.kernels.sightings
     diagonal (N, 6, 6), following (N - 1, 6, 6): A_ii and A_i+1,i; pose_gradient (N, 6)
     tag_diagonal (M, 3, 3), tag_gradient (M, 3)
-    pose_calibration (N, 6, s), slot_column (N, s): coupling of a pose with calibration unknowns
+    pose_calibration (N, 6, s), slot_column (N, s): coupling of a pose with calibration unknowns,
+    of which a pose has room for s, and which these are, -1 for none
     tag_calibration (M, 3, Q), calibration (Q, Q), calibration_gradient (Q,)
     """
 
