@@ -95,7 +95,7 @@ class Marginals:
         own = _expanded(each, each, linear.tag_diagonal, shape)
         strictly = sparse.tril(lower, -1)
         whole = sparse.csc_matrix(sparse.tril(lower) + strictly.T + own)
-        return whole, between.reshape(m, -1), corner
+        return whole, between.reshape(m, len(corner)), corner
 
     def _border(self, between: Array, corner: Array) -> None:
         """Calibration unknowns join: their covariance, and what it adds to that of the tags."""
@@ -134,6 +134,16 @@ class Marginals:
         """(M, d, d), map axes."""
         d = self._problem.tag_dof
         return self._tags[:, :d, :d]
+
+    def joint(self, which: Index) -> Array:
+        """(n d, n d) of the tags with numbers `which`, with their correlations."""
+        d, m = self._problem.tag_dof, 3 * self._problem.n_tags
+        rows = (3 * which[:, None] + np.arange(d)).ravel()
+        unit = np.zeros((m + len(self._corner), len(rows)))
+        unit[rows, np.arange(len(rows))] = 1.0
+        cov = self._joint_times(unit)[rows]
+        symmetric: Array = 0.5 * (cov + cov.T)
+        return symmetric
 
     def scales(self) -> Array:
         """Variances (Q,)."""

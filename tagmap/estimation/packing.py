@@ -181,7 +181,7 @@ def _lower(whiten: Array) -> Array:
 
 def _distinct(T: Array) -> tuple[Array, Index]:
     """The matrices that occur, and which of them each is."""
-    if len(T) and (T == T[0]).all():
+    if (T == T[:1]).all():
         return T[:1].copy(), np.zeros(len(T), dtype=np.int64)
     flat, index = np.unique(T.reshape(len(T), -1), axis=0, return_inverse=True)
     return flat.reshape(-1, *T.shape[1:]), index.ravel().astype(np.int64)

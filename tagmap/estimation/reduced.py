@@ -182,7 +182,7 @@ class Reduced:
         tags, unknowns = x[:m].reshape(-1, 3), x[m:]
         out = np.concatenate([(self._own @ tags[:, :, None]).ravel(), self._calibration @ unknowns])
         if len(unknowns):
-            between = linear.tag_calibration.reshape(m, -1)
+            between = linear.tag_calibration.reshape(m, len(unknowns))
             out[:m] += between @ unknowns
             out[m:] += between.T @ x[:m]
         chain.poses_of(linear, self._L, self._D, tags, unknowns, self._u)
@@ -217,7 +217,7 @@ class Reduced:
             solve = _sparse(blocks, pattern, shape)
         if solve is None:
             return None
-        return _bordered(solve, between.reshape(3 * n_tags, -1), corner)
+        return _bordered(solve, between.reshape(3 * n_tags, len(corner)), corner)
 
 
 def _damped(blocks: Array, damping: float) -> Array:

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Form, Kind
-from tagmap.estimation.problem import lie, sighting_points, sighting_scale
-from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.residuals import Weights
+from tagmap.estimation.problem import Problem, State, lie
 from tagmap.estimation.stack import Stacked, stack
 from tagmap.geometry import measurement
+from tests.estimation.factors import sighting_points, sighting_scale
 from tests.estimation.worlds import FORMS, Drive, Scale, hall, session
 
 
@@ -55,12 +54,4 @@ def exact(problem: Problem, state: State) -> Problem:
         sightings=tuple(blocks),
         odometry=replace(problem.odometry, T=step),
         surveyed=replace(problem.surveyed, p=state.p[problem.surveyed.tag]),
-    )
-
-
-def unit_weights(problem: Problem) -> Weights:
-    return Weights(
-        tuple(np.ones(len(block)) for block in problem.sightings),
-        np.ones(len(problem.odometry.first)),
-        np.ones(len(problem.surveyed)),
     )

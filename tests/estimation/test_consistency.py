@@ -49,7 +49,7 @@ def _run(world: World, surveyed: bool, seed: int) -> Run:
     T_true = T_map_true @ reported[-1][1][-1]
     return Run(
         tags=(state.p - group.act(T_map_true, world.p)).ravel(),
-        cov_tags=settled.marginals.border,
+        cov_tags=settled.marginals.joint(np.arange(len(state.p))),
         last_pose=group.log(group.inverse(T_true) @ state.T[-1]),
         cov_last_pose=settled.marginals.poses(last)[0],
     )
