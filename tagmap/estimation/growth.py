@@ -1,25 +1,36 @@
 """A first trajectory of one odometry chain, grown window by window.
 
 A batch start from dead reckoning is trapped where odometry has turned by radians over an hour.
-Growing is not: each window of keyframes starts where the last one ended and is optimised against
-the tags known so far, each taken with what the windows before say of it alone. What is lost that
-way, the correlation of tags, the joint optimisation brings back; here only start values are made.
+Growing is not: each window of keyframes starts where the last one ended, is localised on the tags
+known so far, and then brings them up to date and adds new ones. Each tag is taken with what is
+known of it alone. What is lost that way, the correlation of tags, is brought back by the joint
+optimisation of everything so far, where a window does not fit: when a loop closes, and at the end.
 """
 
 import numpy as np
 
 from tagmap.conventions import Array, Index
-from tagmap.estimation.optimise import Optimiser, Options
+from tagmap.estimation.kernels import window as kernel
+from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
+from tagmap.estimation.optimise import Options, optimise
+from tagmap.estimation.packing import (
+    Packed,
+    pack,
+    poses_in_space,
+    state_of,
+    tags_in_space,
+)
 from tagmap.estimation.points import Points, fit_tags
-from tagmap.estimation.problem import Hold, Problem, State, Surveyed
-from tagmap.estimation.restrict import restrict, with_known
+from tagmap.estimation.problem import Problem
+from tagmap.estimation.restrict import restrict
 
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
-WINDOW_OPTIONS = Options(
-    max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2, robust_surveys=False
-)
+MU_STEP = 4.0
+MOST_MISFITS = 0.3
+LEAST_GROWN = 1.2
+JOINT_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
 
 
 def grow(problem: Problem, points: Points, poses: Index) -> Array:
@@ -27,65 +38,132 @@ def grow(problem: Problem, points: Points, poses: Index) -> Array:
 
     `problem` is without scales and surveys; `points` are those of all its sightings.
     """
-    return _Growth(problem, points, poses).run()
+    chain = restrict(problem, poses, np.arange(problem.n_tags))
+    return _Growth(chain, points.of_poses(poses[0], poses[-1])).run()
 
 
 class _Growth:
-    """What is known so far: tags p (M, d), NaN if not, their information and sightings."""
+    """What is known so far: poses T (n, 4, 4), tags p (M, 3), NaN if not, and how well."""
 
-    def __init__(self, problem: Problem, points: Points, poses: Index) -> None:
-        self._problem, self._points, self._poses = problem, points, poses
-        d, m = problem.tag_dof, problem.n_tags
-        self._p = np.full((m, d), np.nan)
-        self._information = np.zeros((m, d, d))
-        self._support = np.zeros(m)
-        self._hold = np.eye(problem.pose_dof) / FIRST_SIGMA**2
+    def __init__(self, problem: Problem, points: Points) -> None:
+        self._problem, self._points = problem, points
+        self._packed: Packed = pack(problem)
+        m = problem.n_tags
+        self._T = np.tile(np.eye(4), (problem.n_poses, 1, 1))
+        self._p = np.full((m, 3), np.nan)
+        self._information, self._support = np.zeros((m, 3, 3)), np.zeros(m)
+        self._hold = np.eye(6) / FIRST_SIGMA**2
+        self._joined = 0
 
     def run(self) -> Array:
         """Poses (n, D, D)."""
-        n, size = len(self._poses), self._problem.tag_dof + 1
-        T = np.tile(np.eye(size), (n, 1, 1))
-        steps = self._steps()
-        start = 0
+        start, n = 0, self._problem.n_poses
         while start + 1 < n:
             stop = min(start + WINDOW, n)
             for i in range(start + 1, stop):
-                T[i] = T[i - 1] @ steps[i - 1]
-            T[start:stop] = self._advance(self._poses[start:stop], T[start:stop])
+                self._T[i] = self._T[i - 1] @ self._packed.steps.T[i - 1]
+            fits = self._advance(start, stop)
+            if not fits and stop >= LEAST_GROWN * self._joined:
+                self._join(stop)
             start = stop - 1
-        return T
+        return state_of(self._problem.kind, self._T, self._p, np.zeros(0)).T
 
-    def _steps(self) -> Array:
-        """Odometry steps along the chain, (n - 1, D, D)."""
-        odometry, poses = self._problem.odometry, self._poses
-        first, last = np.searchsorted(odometry.first, [poses[0], poses[-1]])
-        return odometry.T[first:last]
+    def _advance(self, start: int, stop: int) -> bool:
+        """Localise one window, of which the first pose is held, and learn from it; does it fit?"""
+        window, T = self._window(start, stop), self._T[start:stop]
+        known = np.isfinite(self._p[window.sighted.tag, 0])
+        kernel.localise(window, T, self._p, self._information, MU_STEP)
+        misfits = int((window.weight[known] < 0.5).sum())
+        new = self._place_new_tags(start, stop)
+        if new:
+            kernel.localise(window, T, self._p, self._information, MU_STEP)
+        kernel.refit_tags(window, T, self._p, self._information, self._support)
+        self._forget(np.unique(window.sighted.tag))
+        self._hold = np.linalg.inv(window.D[-1])
+        return misfits <= MOST_MISFITS * int(known.sum())
 
-    def _advance(self, poses: Index, T: Array) -> Array:
-        """Optimise one window of which the first pose is held; remember what it says."""
-        seen = self._points.of_poses(poses[0], poses[-1])
-        self._place_new_tags(seen, T)
-        tags = np.unique(seen.tag)
-        tags = tags[np.isfinite(self._p[tags, 0])]
-        known = np.flatnonzero(self._support[tags] >= LEAST_SIGHTINGS)
-        window = with_known(
-            restrict(self._problem, poses, tags),
-            Surveyed.known(known, self._p[tags[known]], self._information[tags[known]]),
-            Hold(T[0], self._hold),
+    def _window(self, start: int, stop: int) -> kernel.Window:
+        """Views of what is packed, and room to work on them."""
+        packed = self._packed
+        a, b = packed.first[start], packed.first[stop]
+        n, k = stop - start, int(b - a)
+        sighted, m = packed.sighted, self._problem.n_tags
+        own = sighted._replace(
+            form=sighted.form[a:b],
+            rig=sighted.rig[a:b],
+            pose=sighted.pose[a:b] - start,
+            tag=sighted.tag[a:b],
+            mount=sighted.mount[a:b],
+            z=sighted.z[a:b],
+            whiten=sighted.whiten[a:b],
+            unknowns=sighted.unknowns[a:b],
         )
-        optimiser = Optimiser(window, WINDOW_OPTIONS)
-        optimum = optimiser.run(State(T, self._p[tags], np.ones(0)))
-        for block, w in zip(window.sightings, optimum.weights.sightings, strict=True):
-            np.add.at(self._support, tags[block.tag], w)
-        self._p[tags] = optimum.state.p
-        self._information[tags] = optimiser.tag_information()
-        forgotten = tags[self._support[tags] < LEAST_SIGHTINGS]
-        self._p[forgotten], self._support[forgotten] = np.nan, 0.0
-        self._hold = optimiser.last_information()
-        return optimum.state.T
+        steps = Steps(*(part[start : stop - 1] for part in packed.steps))
+        return kernel.Window(
+            sighted=own,
+            steps=steps,
+            linear=_room(packed.first[start : stop + 1] - a, own, n, m),
+            hold=self._hold,
+            T_hold=self._T[start].copy(),
+            pins=packed.pose_pins,
+            ones=np.ones(max(k, n)),
+            r2=np.zeros(k),
+            weight=np.ones(k),
+            next_weight=np.ones(k),
+            step_r2=np.zeros(n - 1),
+            L=np.zeros((n, 6, 6)),
+            D=np.zeros((n, 6, 6)),
+            u=np.zeros((n, 6)),
+            before=np.empty((n, 4, 4)),
+            work=np.empty((6, 6)),
+        )
 
-    def _place_new_tags(self, seen: Points, T: Array) -> None:
+    def _place_new_tags(self, start: int, stop: int) -> bool:
+        """Tags nobody knew, where the window's points have them."""
+        seen = self._points.of_poses(start, stop - 1)
         unknown = np.flatnonzero(np.isnan(self._p[seen.tag, 0]))
-        if len(unknown):
-            fit = fit_tags(seen.take(unknown), T, self._problem.n_tags)
-            self._p[fit.determined] = fit.p[fit.determined]
+        if not len(unknown):
+            return False
+        d = self._problem.tag_dof
+        T = state_of(self._problem.kind, self._T[start:stop], self._p, np.zeros(0)).T
+        fit = fit_tags(seen.take(unknown), T, self._problem.n_tags)
+        new = np.flatnonzero(fit.determined)
+        self._p[new] = tags_in_space(fit.p[new])
+        self._information[new] = np.diag(self._packed.tag_pins)
+        self._information[new, :d, :d] = fit.information[new]
+        return bool(len(new))
+
+    def _forget(self, tags: Index) -> None:
+        """Tags that too few sightings carry."""
+        few = tags[self._support[tags] < LEAST_SIGHTINGS]
+        self._p[few], self._information[few], self._support[few] = np.nan, 0.0, 0.0
+
+    def _join(self, stop: int) -> None:
+        """Everything up to pose `stop` at once."""
+        self._joined = stop
+        known = np.flatnonzero(np.isfinite(self._p[:, 0]))
+        problem = restrict(self._problem, np.arange(stop), known)
+        start = state_of(problem.kind, self._T[:stop], self._p[known], np.zeros(0))
+        optimum = optimise(problem, start, JOINT_OPTIONS)
+        self._T[:stop] = poses_in_space(optimum.state.T)
+        self._p[known] = tags_in_space(optimum.state.p)
+
+
+def _room(first: Index, sighted: Sighted, n: int, m: int) -> Linear:
+    k = len(sighted.tag)
+    return Linear(
+        first=first,
+        tag=sighted.tag,
+        seen=np.zeros((k, 9)),
+        gradient=np.zeros((k, 3)),
+        diagonal=np.zeros((n, 6, 6)),
+        following=np.zeros((n - 1, 6, 6)),
+        pose_gradient=np.zeros((n, 6)),
+        tag_diagonal=np.zeros((m, 3, 3)),
+        tag_gradient=np.zeros((m, 3)),
+        pose_calibration=np.zeros((n, 6, 0)),
+        slot_column=np.zeros((n, 0), dtype=np.int64),
+        tag_calibration=np.zeros((m, 3, 0)),
+        calibration=np.zeros((0, 0)),
+        calibration_gradient=np.zeros(0),
+    )
