@@ -28,7 +28,7 @@ IMAGER = Camera(WIDTH_PX, HEIGHT_PX, FOCAL_PX, FOCAL_PX, 320.0, 240.0, np.zeros(
 RIG = StereoRig(IMAGER, IMAGER, se3.exp(np.array([-BASELINE_M, 0, 0, 0, 0, 0])), SIGMA_PX)
 """Rectified and without distortion: all that GTSAM's stereo factor can express."""
 
-SPACING_M, STEP_M, MARGIN_M, FAR_M = 2.4, 0.25, 6.0, 9.0
+SPACING_M, STEP_M, MARGIN_M, FAR_M = 2.4, 0.25, 5.0, 9.0
 SEEN_AT_ONCE = 7
 CANDIDATES = 48
 CHUNK = 20_000

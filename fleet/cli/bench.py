@@ -29,8 +29,8 @@ def bench(
     sample: bool,
     data: Path | None,
 ) -> None:
-    """Measure SUITE: startup, store, service, replay, spots, poses or
-    constellation.
+    """Measure SUITE: startup, store, service, replay, spots, poses,
+    constellation or estimation.
 
     Every figure is the median of several runs in this one. Ratios to a reference that was measured
     alongside, and accuracies, are compared with the baseline; times are only shown.
