@@ -28,8 +28,8 @@ WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
 MU_STEP = 4.0
-MOST_MISFITS = 0.3
-LEAST_GROWN = 1.2
+MOST_MISFITS = 0.5
+LEAST_GROWN = 1.5
 JOINT_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
 
 
@@ -52,7 +52,8 @@ class _Growth:
         self._T = np.tile(np.eye(4), (problem.n_poses, 1, 1))
         self._p = np.full((m, 3), np.nan)
         self._information, self._support = np.zeros((m, 3, 3)), np.zeros(m)
-        self._hold = np.eye(6) / FIRST_SIGMA**2
+        self._sure = FIRST_SIGMA**2 * np.eye(6)
+        self._hold = _information_of(self._sure)
         self._joined = 0
 
     def run(self) -> Array:
@@ -63,7 +64,7 @@ class _Growth:
             for i in range(start + 1, stop):
                 self._T[i] = self._T[i - 1] @ self._packed.steps.T[i - 1]
             fits = self._advance(start, stop)
-            if not fits and stop >= LEAST_GROWN * self._joined:
+            if start == 0 or (not fits and stop >= LEAST_GROWN * self._joined):
                 self._join(stop)
             start = stop - 1
         return state_of(self._problem.kind, self._T, self._p, np.zeros(0)).T
@@ -72,15 +73,15 @@ class _Growth:
         """Localise one window, of which the first pose is held, and learn from it; does it fit?"""
         window, T = self._window(start, stop), self._T[start:stop]
         known = np.isfinite(self._p[window.sighted.tag, 0])
-        kernel.localise(window, T, self._p, self._information, MU_STEP)
+        good = kernel.localise(window, T, self._p, self._information, MU_STEP)
         misfits = int((window.weight[known] < 0.5).sum())
-        new = self._place_new_tags(start, stop)
-        if new:
-            kernel.localise(window, T, self._p, self._information, MU_STEP)
-        kernel.refit_tags(window, T, self._p, self._information, self._support)
+        if good and self._place_new_tags(start, stop):
+            good = kernel.localise(window, T, self._p, self._information, MU_STEP)
+        if good:
+            kernel.refit_tags(window, T, self._p, self._information, self._support)
         self._forget(np.unique(window.sighted.tag))
-        self._hold = np.linalg.inv(window.D[-1])
-        return misfits <= MOST_MISFITS * int(known.sum())
+        self._hold = _information_of(window.D[-1] if good else self._sure)
+        return not good or misfits <= MOST_MISFITS * int(known.sum())
 
     def _window(self, start: int, stop: int) -> kernel.Window:
         """Views of what is packed, and room to work on them."""
@@ -147,6 +148,15 @@ class _Growth:
         optimum = optimise(problem, start, JOINT_OPTIONS)
         self._T[:stop] = poses_in_space(optimum.state.T)
         self._p[known] = tags_in_space(optimum.state.p)
+
+
+def _information_of(cov: Array) -> Array:
+    """Inverse (6, 6); nothing where rounding leaves none."""
+    try:
+        information: Array = np.linalg.inv(cov)
+    except np.linalg.LinAlgError:
+        return np.zeros((6, 6))
+    return information if np.isfinite(information).all() else np.zeros((6, 6))
 
 
 def _room(first: Index, sighted: Sighted, n: int, m: int) -> Linear:

@@ -35,7 +35,7 @@ class Options:
 
     max_iterations: int = 200
     tolerance: float = 1e-10
-    mu_step: float = 2.0
+    mu_step: float = 4.0
     max_regroupings: int = 20
     robust: bool = True
     robust_surveys: bool = True

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagmap.conventions import Array, Index, Mask
+from tagmap.estimation.kernels import tag_fit
+from tagmap.estimation.packing import poses_in_space
 from tagmap.estimation.problem import lie
 from tagmap.estimation.problem import Problem, Sightings
-from tagmap.estimation.sums import sum_by
 from tagmap.geometry import camera, measurement
 
 ROBUST_ROUNDS = 10
@@ -120,47 +121,13 @@ def fit_tags(points: Points, T: Array, n_tags: int) -> TagFit:
     identities does not move it.
     """
     d = T.shape[-1] - 1
-    tags, number = np.unique(points.tag, return_inverse=True)
-    part = _fit(replace(points, tag=number), T, len(tags))
-    p, information, n = np.full((n_tags, d), np.nan), np.zeros((n_tags, d, d)), np.zeros(n_tags)
-    p[tags], information[tags], n[tags] = part.p, part.information, part.n
-    return TagFit(p, information, n)
-
-
-def _fit(points: Points, T: Array, n_tags: int) -> TagFit:
-    d = T.shape[-1] - 1
-    T_point = T[points.pose]
-    R = T_point[:, :d, :d]
-    p_map = np.einsum("kij,kj->ki", R, points.p_base) + T_point[:, :d, d]
-    information = R @ points.information @ np.swapaxes(R, -1, -2)
-    full = _well_conditioned(points.information)
-    mean = _medians(points.tag[full], p_map[full], n_tags)
-    for _ in range(ROBUST_ROUNDS):
-        offset = p_map - mean[points.tag]
-        r2 = np.einsum("ki,kij,kj->k", offset, information, offset)
-        w = np.where(np.isnan(r2), 1.0, 1.0 / (1.0 + r2 / d))
-        total = sum_by(points.tag, n_tags, information * w[:, None, None])
-        moment = np.einsum("kij,kj,k->ki", information, p_map, w)
-        solvable = _well_conditioned(total)
-        mean = np.full((n_tags, d), np.nan)
-        rhs = sum_by(points.tag, n_tags, moment)[solvable]
-        mean[solvable] = np.linalg.solve(total[solvable], rhs[:, :, None])[:, :, 0]
-    n = np.bincount(points.tag, weights=w, minlength=n_tags)
-    total[~solvable] = 0.0
-    return TagFit(mean, total, np.where(solvable, n, 0.0))
-
-
-def _medians(tag: Index, p: Array, n_tags: int) -> Array:
-    medians = np.full((n_tags, p.shape[1]), np.nan)
-    order = np.argsort(tag, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(tag[order])) + 1) if len(tag) else []
-    for group in groups:
-        medians[tag[group[0]]] = np.median(p[group], axis=0)
-    return medians
-
-
-def _well_conditioned(information: Array) -> Mask:
-    """True where every direction is known at least 1e-3 as well as the best one (in sigma)."""
-    eigenvalues = np.linalg.eigvalsh(information)
-    good: Mask = eigenvalues[:, 0] > LEAST_PARALLAX**2 * eigenvalues[:, -1]
-    return good & (eigenvalues[:, -1] > 0.0)
+    order = np.argsort(points.tag, kind="stable")
+    k = len(order)
+    p_base, information = np.zeros((k, 3)), np.zeros((k, 3, 3))
+    p_base[:, :d], information[:, :d, :d] = points.p_base[order], points.information[order]
+    p_map, I_map = np.empty((k, 3)), np.empty((k, 6))
+    tag_fit.to_map(points.pose[order], p_base, information, poses_in_space(T), p_map, I_map)
+    start = np.searchsorted(points.tag[order], np.arange(n_tags + 1))
+    mean, total, n = np.empty((n_tags, 3)), np.empty((n_tags, 3, 3)), np.empty(n_tags)
+    tag_fit.fit(start, p_map, I_map, d, LEAST_PARALLAX**2, ROBUST_ROUNDS, mean, total, n)
+    return TagFit(mean[:, :d].copy(), total[:, :d, :d].copy(), n)

@@ -24,7 +24,9 @@ from tagmap.estimation.residuals import Weights
 
 INLIER_PROBABILITY = 0.99
 SHARPEST = 100.0
+BLUNT = 1.0
 BLUNTEST = 1e-4
+MOST = 0.95
 
 
 @cache
@@ -43,9 +45,13 @@ def truncated(r2: Array, c2: float, mu: float) -> Array:
 
 
 def first_mu(r2: Array, c2: Array) -> float:
-    """mu at which the surrogate is convex for the worst residual: c2 / (2 max r2 - c2)."""
-    ratio = float(np.max((r2 / c2)[np.isfinite(r2)], initial=0.0))
-    return float(np.clip(1.0 / max(2.0 * ratio - 1.0, 1e-9), BLUNTEST, SHARPEST))
+    """mu at which the surrogate is convex for MOST residuals: c2 / (2 r2 - c2).
+
+    Not for the worst: one wrong identity would make a good start begin all over again.
+    """
+    ratio = np.where(np.isfinite(r2), r2 / c2, np.inf)
+    worst = float(np.quantile(ratio, MOST, method="higher")) if len(ratio) else 0.0
+    return float(np.clip(1.0 / max(2.0 * worst - 1.0, 1e-9), BLUNTEST, BLUNT))
 
 
 def efficient(problem: Problem, weights: Weights) -> Weights:

@@ -15,7 +15,7 @@ from tagmap.estimation.stack import stack
 from tagmap.geometry.alignment import align
 from tests.estimation.worlds import Drive, World, hall, session
 
-RUNS = 30
+RUNS = 100
 N_TAGS = 8
 DRIVES = (Drive(n=40), Drive(centre=(5.0, 4.0), n=40, first_rad=2.5))
 SURVEYED = (0, 3, 4, 7)

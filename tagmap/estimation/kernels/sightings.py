@@ -58,13 +58,13 @@ def linearise_sightings(
         if not square < math.inf:
             w = 0.0
         new_weight[k] = w
-        seen[k, 6], seen[k, 7], seen[k, 8] = q
         if not w > 0.0:
-            for n in range(6):
+            for n in range(9):
                 seen[k, n] = 0.0
             gradient[k, 0] = gradient[k, 1] = gradient[k, 2] = 0.0
             continue
         new_cost += w * square
+        seen[k, 6], seen[k, 7], seen[k, 8] = q
         x, y, z = columns(a, b, c, d, R)
         x, y = whitened(sighted.whiten, k, x), whitened(sighted.whiten, k, y)
         z = whitened(sighted.whiten, k, z)

@@ -8,6 +8,8 @@ tag's position of both terms together.
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from tagmap.conventions import Array
 from tagmap.estimation.kernels.chain import factor, solve
 from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
@@ -151,9 +153,9 @@ def _linearise(
             cost += w * r2[k]
         next_weight[k] = w
         for n in range(6):
-            seen[k, n] = w * W[n]
+            seen[k, n] = w * W[n] if w > 0.0 else 0.0
         for n in range(3):
-            gradient[k, n] = w * g[n]
+            gradient[k, n] = w * g[n] if w > 0.0 else 0.0
     gather_sightings(linear)
     rest = linearise_steps(window.steps, T, window.ones[: len(T)], window.step_r2, linear)
     rest += _add_hold(window, T)
@@ -216,9 +218,10 @@ def _add_hold(window: Window, T: Array) -> float:
 def refit_tags(window: Window, T: Array, p: Array, information: Array, support: Array) -> None:
     """Tags that count in the window move to where it sees them too; their information grows.
 
-    support (M,): sum of weights of all sightings so far.
+    By as much as is left when the poses are not taken as known. support (M,): sum of weights of all
+    sightings so far.
     """
-    sighted, linear, k_all = window.sighted, window.linear, len(window.r2)
+    sighted, linear = window.sighted, window.linear
     linear.tag_diagonal[:] = 0.0
     linear.tag_gradient[:] = 0.0
     none = linear.calibration_gradient
@@ -226,19 +229,69 @@ def refit_tags(window: Window, T: Array, p: Array, information: Array, support: 
         sighted, T, p, none, KEEP, window.weight, window.next_weight, window.r2, linear
     )
     gather_sightings(linear)
-    for k in range(k_all):
+    for k in range(len(window.r2)):
         support[sighted.tag[k]] += window.next_weight[k]
     for t in range(len(p)):
         own = linear.tag_diagonal[t]
         if not own[0, 0] + own[1, 1] + own[2, 2] > 0.0:
             continue
+        _limit_by_poses(window, t, own)
+        I = information[t]
         for a in range(3):
             for b in range(3):
-                information[t, a, b] += own[a, b]
-        I = information[t]
+                I[a, b] += own[a, b]
         good, cov = inverse((I[0, 0], I[0, 1], I[0, 2], I[1, 1], I[1, 2], I[2, 2]))
         if good:
             g = linear.tag_gradient[t]
             step = symmetric_times(cov, (g[0], g[1], g[2]))
             for a in range(3):
                 p[t, a] -= step[a]
+
+
+@compiled
+def _limit_by_poses(window: Window, tag: int, own: Array) -> None:
+    """Information own (3, 3) of one tag, less what the best known of its poses is uncertain by."""
+    linear, D = window.linear, window.D
+    least = math.inf
+    cov = np.empty((3, 3))
+    trial = np.empty((3, 3))
+    G = np.empty((3, 6))
+    for i in range(len(linear.first) - 1):
+        for k in range(linear.first[i], linear.first[i + 1]):
+            if linear.tag[k] != tag or not window.next_weight[k] > 0.0:
+                continue
+            x, y, z = linear.seen[k, 6], linear.seen[k, 7], linear.seen[k, 8]
+            G[:, :] = 0.0
+            G[0, 0] = G[1, 1] = G[2, 2] = 1.0
+            G[0, 4], G[0, 5], G[1, 3] = z, -y, -z
+            G[1, 5], G[2, 3], G[2, 4] = x, y, -x
+            for a in range(3):
+                for b in range(3):
+                    sum_ = 0.0
+                    for c in range(6):
+                        for e in range(6):
+                            sum_ += G[a, c] * D[i, c, e] * G[b, e]
+                    trial[a, b] = sum_
+            if trial[0, 0] + trial[1, 1] + trial[2, 2] < least:
+                least = trial[0, 0] + trial[1, 1] + trial[2, 2]
+                cov[:, :] = trial
+    good, known = inverse((cov[0, 0], cov[0, 1], cov[0, 2], cov[1, 1], cov[1, 2], cov[2, 2]))
+    if not (good and least < math.inf):
+        return
+    # own (own + known)^-1 known: both uncertainties add up
+    total = (
+        own[0, 0] + known[0],
+        own[0, 1] + known[1],
+        own[0, 2] + known[2],
+        own[1, 1] + known[3],
+        own[1, 2] + known[4],
+        own[2, 2] + known[5],
+    )
+    good, free = inverse(total)
+    if not good:
+        return
+    W = full((own[0, 0], own[0, 1], own[0, 2], own[1, 1], own[1, 2], own[2, 2]))
+    less = product(W, product(full(free), W))
+    for a in range(3):
+        for b in range(3):
+            own[a, b] -= 0.5 * (less[3 * a + b] + less[3 * b + a])

@@ -31,6 +31,3 @@ class Ours:
     def _found(self) -> Optimum:
         assert self._optimum is not None
         return self._optimum
-
-
-load = Ours

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from fleet.benchmarks.estimation_process import Start
-from fleet.benchmarks.estimation_world import World
-from tagmap.conventions import Array
+from fleet.benchmarks.estimation.process import Start
+from fleet.benchmarks.estimation.world import World
+from tagmap.conventions import Array, Index
 from tagmap.estimation.points import Points, fit_tags, points_of
 from tagmap.estimation.problem import State
 from tagmap.estimation.start import start_from_nothing
@@ -73,7 +73,7 @@ def _aligned(points: Points, p_map: Array, n_poses: int) -> Array:
     return T
 
 
-def _sum(pose: Array, values: Array, n_poses: int) -> Array:
+def _sum(pose: Index, values: Array, n_poses: int) -> Array:
     """Of values (K, ...) by pose, (N, ...)."""
     total = np.zeros((n_poses, *values.shape[1:]))
     np.add.at(total, pose, values)

@@ -5,12 +5,12 @@ SEEN_AT_ONCE of the tags that both images show. Odometry and pixels have Gaussia
 are surveyed. Worlds repeat bit for bit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from tagmap.conventions import Array, Index
+from tagmap.conventions import Array, Index, Mask
 from tagmap.estimation.problem import Odometry, Problem, Sightings, State, Surveyed
 from tagmap.geometry import se3, stereo
 from tagmap.geometry.camera import Camera
@@ -20,7 +20,7 @@ POSES_PER_ROBOT = 2000
 SIGMA_PX = 0.2
 SIGMA_STEP = np.array([5e-3, 3e-3, 3e-3, 1e-3, 1e-3, 3e-3])
 """Of an odometry step of STEP_M, in the tangent order (v, omega): m and rad."""
-SIGMA_SURVEY_M = 0.002
+SIGMA_SURVEY_M, SIGMA_PLAN_M = 0.002, 0.3
 N_SURVEYED = 5
 
 FOCAL_PX, WIDTH_PX, HEIGHT_PX, BASELINE_M = 420.0, 640, 480, 0.12
@@ -46,12 +46,8 @@ class Size:
         return max(1, self.poses // POSES_PER_ROBOT)
 
 
-SIZES = {
-    "XS": Size(40, 500),
-    "S": Size(88, 2_000),
-    "M": Size(489, 20_000),
-    "L": Size(1_999, 100_000),
-}
+WARM = Size(40, 500)
+"""Enough to load all compiled code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +81,31 @@ def make(size: Size, seed: int = 0) -> World:
         scale_sigma=np.zeros(0),
     )
     return World(problem, State(T, p_map, np.zeros(0)), chain)
+
+
+def with_plan(world: World, seed: int = 2) -> World:
+    """The same world, and a plan of the building that has every tag within SIGMA_PLAN_M.
+
+    Then what a few robots saw first determines a map, as an incremental solver needs.
+    """
+    problem, rng = world.problem, np.random.default_rng(seed)
+    known = problem.surveyed
+    others = np.setdiff1d(np.arange(problem.n_tags), known.tag)
+    guessed = world.true.p[others] + SIGMA_PLAN_M * rng.standard_normal((len(others), 3))
+    planned = Surveyed(
+        np.concatenate([known.tag, others]),
+        np.concatenate([known.p, guessed]),
+        np.concatenate([known.whiten, np.tile(np.eye(3) / SIGMA_PLAN_M, (len(others), 1, 1))]),
+    )
+    return replace(world, problem=replace(problem, surveyed=planned))
+
+
+def as_driven(world: World, poses_per_update: int) -> list[Index]:
+    """Numbers of the poses of each update, ascending: all robots drive at the same time."""
+    robots = int(world.chain[-1]) + 1
+    each = poses_per_update // robots
+    at_once = np.arange(len(world.chain)).reshape(robots, -1, each)
+    return [at_once[:, k].ravel() for k in range(at_once.shape[1])]
 
 
 def _ceiling(rng: np.random.Generator, n: int) -> Array:
@@ -178,7 +199,8 @@ def _pixels(T_cam_map: Array, p_map: Array) -> Array:
     return px
 
 
-def _inside(px: Array) -> Array:
+def _inside(px: Array) -> Mask:
     """Both images show it; what is behind a camera has no pixels."""
     size = np.array([WIDTH_PX, HEIGHT_PX, WIDTH_PX, HEIGHT_PX]) - 1.0
-    return ((px >= 0.0) & (px <= size)).all(axis=-1)
+    inside: Mask = ((px >= 0.0) & (px <= size)).all(axis=-1)
+    return inside

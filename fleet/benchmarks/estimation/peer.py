@@ -5,13 +5,14 @@ has the variance sigma^2 / 2. Our cost is then twice GTSAM's error, but for the 
 sum (vL - vR)^2 / (2 sigma^2).
 """
 
+from collections.abc import Iterable
 from typing import Any
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
-from fleet.benchmarks import estimation_world as world
+from fleet.benchmarks.estimation import world
 from tagmap.conventions import Array
 from tagmap.estimation.problem import Problem, State
 from tagmap.geometry import se3
@@ -43,18 +44,18 @@ class LevenbergMarquardt:
         return self.iterations < MAX_ITERATIONS
 
     def state(self) -> State:
-        T = np.array([self._end.atPose3(X(i)).matrix() for i in range(self._n_poses)])
-        p = np.array([self._end.atPoint3(L(j)) for j in range(self._n_tags)])
-        return State(T, p, np.zeros(0))
-
-
-load = LevenbergMarquardt
+        return state_of(self._end, self._n_poses, self._n_tags)
 
 
 def graph(problem: Problem) -> Any:
     """All factors of a problem made by estimation_world."""
+    return together([*stereo_factors(problem), *step_factors(problem), *survey_factors(problem)])
+
+
+def together(factors: Iterable[Any]) -> Any:
+    """As a graph."""
     whole = gtsam.NonlinearFactorGraph()
-    for factor in (*stereo_factors(problem), *step_factors(problem), *survey_factors(problem)):
+    for factor in factors:
         whole.add(factor)
     return whole
 
@@ -67,6 +68,13 @@ def values(state: State) -> Any:
     for j, p in enumerate(state.p):
         found.insert(L(j), p)
     return found
+
+
+def state_of(found: Any, n_poses: int, n_tags: int) -> State:
+    """And back."""
+    T = np.array([found.atPose3(X(i)).matrix() for i in range(n_poses)])
+    p = np.array([found.atPoint3(L(j)) for j in range(n_tags)])
+    return State(T, p, np.zeros(0))
 
 
 def stereo_factors(problem: Problem) -> list[Any]:
@@ -99,11 +107,11 @@ def step_factors(problem: Problem) -> list[Any]:
 
 def survey_factors(problem: Problem) -> list[Any]:
     """One per surveyed tag, in their order."""
-    noise = gtsam.noiseModel.Isotropic.Sigma(3, world.SIGMA_SURVEY_M)
     surveyed = problem.surveyed
+    sigma_m = 1.0 / surveyed.whiten[:, 0, 0]
     return [
-        gtsam.PriorFactorPoint3(L(j), p, noise)
-        for j, p in zip(surveyed.tag.tolist(), surveyed.p, strict=True)
+        gtsam.PriorFactorPoint3(L(j), p, gtsam.noiseModel.Isotropic.Sigma(3, sigma))
+        for j, p, sigma in zip(surveyed.tag.tolist(), surveyed.p, sigma_m.tolist(), strict=True)
     ]
 
 

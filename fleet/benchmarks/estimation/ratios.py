@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from statistics import median
 from typing import TypeAlias
 
-from fleet.benchmarks.estimation_process import Name, Outcome, Task, run, work
+from fleet.benchmarks.estimation.process import Name, Outcome, Task, run, work
 from fleet.benchmarks.metric import Metric
 from fleet.benchmarks.suite import Plan, Suite
 
