@@ -1,4 +1,4 @@
-"""The incremental peer: GTSAM's iSAM2, fed as its users feed theirs."""
+"""The incremental peer: GTSAM's iSAM2, set and fed as in its VisualISAM2Example."""
 
 from typing import Any
 
@@ -16,7 +16,10 @@ class Isam2:
 
     def __init__(self, problem: Problem, start: State) -> None:
         self._problem, self._start = problem, start
-        self._solver = gtsam.ISAM2(gtsam.ISAM2Params())
+        options = gtsam.ISAM2Params()
+        options.setRelinearizeThreshold(0.01)
+        options.relinearizeSkip = 1
+        self._solver = gtsam.ISAM2(options)
         self._stereo = peer.stereo_factors(problem)
         self._first = np.searchsorted(problem.sightings[0].pose, np.arange(problem.n_poses + 1))
         self._steps = dict(
@@ -31,7 +34,7 @@ class Isam2:
     def prepare(self, poses: Index) -> None:
         factors, values = [], gtsam.Values()
         for i in poses.tolist():
-            values.insert(X(i), gtsam.Pose3(self._start.T[i]))
+            values.insert(X(i), self._predicted(i, values))
             if i in self._steps:
                 factors.append(self._steps[i])
             sightings = slice(self._first[i], self._first[i + 1])
@@ -42,6 +45,16 @@ class Isam2:
                 factors.append(self._surveys[j])
             self._known[tags] = True
         self._next = peer.together(factors), values
+
+    def _predicted(self, i: int, values: Any) -> Any:
+        """Odometry from the pose before, at what is known of it; a robot's first pose is given."""
+        if i not in self._steps:
+            return gtsam.Pose3(self._start.T[i])
+        known = values.exists(X(i - 1))
+        before = (
+            values.atPose3(X(i - 1)) if known else self._solver.calculateEstimatePose3(X(i - 1))
+        )
+        return before.compose(self._steps[i].measured())
 
     def update(self) -> None:
         self._solver.update(*self._next)

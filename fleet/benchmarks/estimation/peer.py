@@ -88,9 +88,7 @@ def stereo_factors(problem: Problem) -> list[Any]:
     T_base_cam = gtsam.Pose3(se3.inverse(block.T_cam_base[0]))
     rows = zip(_gtsam_pixels(block.z), block.pose.tolist(), block.tag.tolist(), strict=True)
     return [
-        gtsam.GenericStereoFactor3D(
-            gtsam.StereoPoint2(*z), noise, X(i), L(j), camera, T_base_cam
-        )
+        gtsam.GenericStereoFactor3D(gtsam.StereoPoint2(*z), noise, X(i), L(j), camera, T_base_cam)
         for z, i, j in rows
     ]
 

@@ -29,13 +29,14 @@ ONE_THREAD = {
 }
 NO_PEER = "gtsam is not installed: pip install 'tagmap[bench]'"
 NO_MEMORY = "this system does not tell how much memory a process takes"
-LARGE_ONLY = "not in a sample"
+NOT_IN_SAMPLE = "not in a sample"
 
 
 class Batch(msgspec.Struct, frozen=True, tag=True):
     """Solve one world `repeats` times from the same start.
 
-    warm: whether a small world was solved before, so that compiled code is loaded.
+    warm: whether a small world was solved before, so that compiled code is loaded. planned: whether
+    a plan tells roughly where all tags are.
     """
 
     solver: Solver
@@ -44,6 +45,7 @@ class Batch(msgspec.Struct, frozen=True, tag=True):
     start: Start = "noisy_truth"
     repeats: int = 1
     warm: bool = True
+    planned: bool = False
 
 
 class Updates(msgspec.Struct, frozen=True, tag=True):
@@ -82,12 +84,18 @@ def solvers() -> tuple[Solver, ...]:
 
 def outcome(plan: Plan, task: Task) -> Outcome:
     """A sample is worked in this process: that saves the time to start, and spoils the memory."""
-    plan.tell(f"estimation: {task}")
+    plan.tell(f"estimation: {_in_words(task)}")
     if not plan.sample:
         return run(task)
     from fleet.benchmarks.estimation.work import work
 
     return work(task)
+
+
+def _in_words(task: Task) -> str:
+    if isinstance(task, Updates):
+        return f"{task.updater}, {task.poses} poses, {task.poses_per_update} at a time"
+    return f"{task.solver}, {task.poses} poses, {task.start}"
 
 
 def run(task: Task, environment: Mapping[str, str] | None = None) -> Outcome:

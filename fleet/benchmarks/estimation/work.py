@@ -56,13 +56,15 @@ def _batch(task: Batch) -> Outcome:
     load = _batch_solver(task.solver)
     import_s = time.process_time() - began_s
     from fleet.benchmarks.estimation.starts import start
-    from fleet.benchmarks.estimation.world import WARM, Size, make
+    from fleet.benchmarks.estimation.world import WARM, Size, make, with_plan
     from fleet.benchmarks.memory import Growth
 
     if task.warm:
         small = make(WARM)
         load(small.problem, start(small, "noisy_truth"), TOLERANCE).solve()
     world = make(Size(task.tags, task.poses))
+    if task.planned:
+        world = with_plan(world)
     solver = load(world.problem, start(world, task.start), TOLERANCE)
     growth = Growth()
     times_s = [_seconds(solver.solve)]

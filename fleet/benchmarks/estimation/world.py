@@ -202,5 +202,4 @@ def _pixels(T_cam_map: Array, p_map: Array) -> Array:
 def _inside(px: Array) -> Mask:
     """Both images show it; what is behind a camera has no pixels."""
     size = np.array([WIDTH_PX, HEIGHT_PX, WIDTH_PX, HEIGHT_PX]) - 1.0
-    inside: Mask = ((px >= 0.0) & (px <= size)).all(axis=-1)
-    return inside
+    return np.asarray(((px >= 0.0) & (px <= size)).all(axis=-1))
