@@ -6,6 +6,7 @@ rotation vector, as GTSAM and Ceres do.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
@@ -156,25 +157,39 @@ def _offset_numbers(edges: Table, offsets: Table) -> Index:
 
 
 def write_g2o(file: TextIO, graph: Graph, comments: Iterable[str] = ()) -> None:
-    """The graph with its vertices and edges; numbers keep all their digits."""
+    """The graph with its vertices and edges; numbers keep all their digits.
+
+    Landmark edges are written in base, as GTSAM reads no offset but the identity. What is fixed and
+    the comments come last: GTSAM's planar reader stops at them.
+    """
     assert graph.poses is not None
     assert graph.tags is not None
-    kind, points = graph.kind, graph.points
-    file.writelines(f"# {comment}\n" for comment in comments)
-    needs_offset = kind == "spatial" or bool((points.offset > 0).any())
-    if needs_offset:
-        numbers = np.arange(len(graph.T_base_cam))
-        _write(file, OFFSET[kind], numbers[:, None], numbers_of(kind, graph.T_base_cam))
+    kind, steps = graph.kind, graph.steps
+    points = _in_base(graph)
+    pose_and_tag = [points.pose, points.tag]
+    if kind == "spatial":
+        identity = np.eye(4)[None]
+        _write(file, OFFSET[kind], np.zeros((1, 1), dtype=np.int64), numbers_of(kind, identity))
+        pose_and_tag.append(np.zeros_like(points.pose))
     _write(file, POSE[kind], graph.poses.id[:, None], numbers_of(kind, graph.poses.value))
     _write(file, TAG[kind], graph.tags.id[:, None], graph.tags.value)
-    _write(file, "FIX", graph.fixed.id[:, None], np.zeros((len(graph.fixed.id), 0)))
-    steps = graph.steps
-    step_numbers = [numbers_of(kind, steps.T), pack_upper(steps.information)]
-    _write(file, STEP[kind], np.stack([steps.a, steps.b], axis=1), np.hstack(step_numbers))
-    ids = [points.pose, points.tag, *([points.offset] if needs_offset else [])]
+    step_numbers = np.hstack([numbers_of(kind, steps.T), pack_upper(steps.information)])
+    _write(file, STEP[kind], np.stack([steps.a, steps.b], axis=1), step_numbers)
     point_numbers = np.hstack([points.p_cam, pack_upper(points.information)])
-    name = POINT_OFFSET[kind] if needs_offset else POINT
-    _write(file, name, np.stack(ids, axis=1), point_numbers)
+    name = POINT if kind == "planar" else POINT_OFFSET[kind]
+    _write(file, name, np.stack(pose_and_tag, axis=1), point_numbers)
+    _write(file, "FIX", graph.fixed.id[:, None], np.zeros((len(graph.fixed.id), 0)))
+    file.writelines(f"# {comment}\n" for comment in comments)
+
+
+def _in_base(graph: Graph) -> PointEdges:
+    """The same landmark edges as seen from base: cam without offset."""
+    points, d = graph.points, TAG_DOF[graph.kind]
+    T = graph.T_base_cam[points.offset]
+    R, t = T[:, :d, :d], T[:, :d, d]
+    p_base = (R @ points.p_cam[:, :, None])[:, :, 0] + t
+    information = R @ points.information @ np.swapaxes(R, 1, 2)
+    return replace(points, p_cam=p_base, information=information)
 
 
 def _write(file: TextIO, name: str, ids: Index, numbers: Array) -> None:
