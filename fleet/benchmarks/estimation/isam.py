@@ -59,6 +59,10 @@ class Isam2:
     def update(self) -> None:
         self._solver.update(*self._next)
 
+    def settle(self) -> None:
+        """Relinearise what the last update has moved; nothing new comes in."""
+        self._solver.update()
+
     def state(self) -> State:
         found = self._solver.calculateBestEstimate()
         return peer.state_of(found, self._problem.n_poses, self._problem.n_tags)

@@ -32,16 +32,18 @@ class LevenbergMarquardt:
         self._options.setRelativeErrorTol(tolerance)
         self._options.setMaxIterations(MAX_ITERATIONS)
         self._end: Any = None
-        self.iterations = 0
+        self.iterations, self.converged = 0, False
 
     def solve(self) -> None:
+        """Where it gives up, what it has reached stands."""
         optimiser = gtsam.LevenbergMarquardtOptimizer(self._graph, self._start, self._options)
-        self._end = optimiser.optimizeSafely()
-        self.iterations = optimiser.iterations()
-
-    @property
-    def converged(self) -> bool:
-        return self.iterations < MAX_ITERATIONS
+        try:
+            optimiser.optimizeSafely()
+        except RuntimeError:
+            self.converged = False
+        else:
+            self.converged = optimiser.iterations() < MAX_ITERATIONS
+        self._end, self.iterations = optimiser.values(), optimiser.iterations()
 
     def state(self) -> State:
         return state_of(self._end, self._n_poses, self._n_tags)

@@ -103,9 +103,9 @@ def with_plan(world: World, seed: int = 2) -> World:
 def as_driven(world: World, poses_per_update: int) -> list[Index]:
     """Numbers of the poses of each update, ascending: all robots drive at the same time."""
     robots = int(world.chain[-1]) + 1
-    each = poses_per_update // robots
-    at_once = np.arange(len(world.chain)).reshape(robots, -1, each)
-    return [at_once[:, k].ravel() for k in range(at_once.shape[1])]
+    of_robot = np.arange(len(world.chain)).reshape(robots, -1)
+    each = max(1, poses_per_update // robots)
+    return [of_robot[:, k : k + each].ravel() for k in range(0, of_robot.shape[1], each)]
 
 
 def _ceiling(rng: np.random.Generator, n: int) -> Array:
