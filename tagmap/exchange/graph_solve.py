@@ -62,7 +62,12 @@ def from_nothing(posed: Posed, robust: bool) -> State:
     if robust:
         start = start_from_nothing(problem, chain)
     else:
-        start = start_at(problem, chain, _grown(problem, chain))
+        T = _grown(problem, chain)
+        if chain[-1] == 0:
+            # Needs no landmarks to hang together.
+            p = fit_tags(points_of(problem), T, problem.n_tags).p
+            return State(T, p, np.zeros(0))
+        start = start_at(problem, chain, T)
     for what, ids, there in (
         ("pose", posed.poses, start.placed),
         ("landmark", posed.tags, start.mapped),
@@ -70,7 +75,7 @@ def from_nothing(posed: Posed, robust: bool) -> State:
         lost = ids[~there]
         if len(lost):
             raise DegenerateError(
-                f"{what} {lost[0]} and {len(lost) - 1} more are not determined, "
+                f"{what} {lost[0]} is not determined, {len(lost)} in all; "
                 "expected chains that share enough landmarks"
             )
     return State(start.T, start.p, np.zeros(0))

@@ -106,9 +106,11 @@ def test_wrong_landmarks_are_rejected_when_asked(tmp_path):
     assert abs(robust.state.T - T).max() < 0.05 < abs(plain.state.T - T).max()
 
 
-def test_a_chain_alone_is_dead_reckoning(tmp_path):
-    vertices, edges, (T, _) = planar(tags=0)
-    _, _, solved = solve(tmp_path, vertices, edges)
+@pytest.mark.parametrize("tags", [0, 1])
+@pytest.mark.parametrize("from_file", [True, False])
+def test_a_chain_needs_no_landmarks(tmp_path, tags, from_file):
+    vertices, edges, (T, _) = planar(tags=tags)
+    _, _, solved = solve(tmp_path, vertices, edges, from_file=from_file)
     assert solved.chi2_final < 1e-9
     np.testing.assert_allclose(solved.state.T, T, atol=1e-9)
 
