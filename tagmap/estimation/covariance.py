@@ -10,6 +10,7 @@ alignment. To get there the frame is first held at as few coordinates as do it.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy import linalg, sparse
@@ -18,14 +19,14 @@ from scipy.sparse.linalg import splu
 from tagmap.conventions import Array, Index
 from tagmap.estimation import robust
 from tagmap.estimation.gauge import is_free, rigid_motions
-from tagmap.estimation.kernels import chain, schur, segments
+from tagmap.estimation.condensed import whole
+from tagmap.estimation.elimination import eliminated
+from tagmap.estimation.kernels import chain, schur
 from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem
-from tagmap.estimation.reduced import SEGMENT_POSES, SEGMENT_SIGHTINGS
 from tagmap.estimation.system import Point, System
 
 ROUNDING = 1e-6
-FADED = 1e-10
 POSES_AT_ONCE = 42
 
 
@@ -36,6 +37,8 @@ class Marginals:
     """
 
     def __init__(self, problem: Problem, optimum: Optimum) -> None:
+        if problem.condensed is not None:
+            problem = replace(problem, condensed=problem.condensed.efficient())
         self._problem = problem
         self._system = System(problem)
         weights = robust.efficient(problem, optimum.weights)
@@ -61,41 +64,25 @@ class Marginals:
     def _reduced(self) -> tuple[sparse.csc_matrix, Array, Array]:
         """S: of tags (sparse, both triangles), of tags with calibration, of calibration."""
         linear, n_tags = self._point.linear, self._problem.n_tags
-        bounds = np.zeros(self._problem.n_poses + 1, dtype=np.int64)
-        count = segments.cut(linear.first, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
-        scale = np.trace(linear.tag_diagonal, axis1=1, axis2=2)
-        room, width = 64 * n_tags + 64, min(n_tags, 256)
-        while True:
-            table = np.full(1 << int(2 * room).bit_length(), -1, dtype=np.int64)
-            rows, columns = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
-            blocks = np.empty((room, 3, 3))
-            between, corner = linear.tag_calibration.copy(), linear.calibration.copy()
-            n = schur.reduce(
-                linear,
-                self._L,
-                self._D,
-                bounds[: count + 1],
-                FADED,
-                scale,
-                width,
-                table,
-                rows,
-                columns,
-                blocks,
-                between,
-                corner,
-            )
-            if n >= 0:
-                break
-            room, width = (2 * room, width) if n == schur.FULL_PAIRS else (room, 2 * width)
-        m = 3 * n_tags
-        shape = (n_tags, n_tags)
-        lower = _expanded(rows[:n], columns[:n], blocks[:n], shape)
+        between, corner = linear.tag_calibration.copy(), linear.calibration.copy()
+        rows, columns, blocks = eliminated(linear, self._L, self._D, between, corner)
+        tags = whole(rows, columns, blocks, n_tags)
         each = np.arange(n_tags)
-        own = _expanded(each, each, linear.tag_diagonal, shape)
-        strictly = sparse.tril(lower, -1)
-        whole = sparse.csc_matrix(sparse.tril(lower) + strictly.T + own)
-        return whole, between.reshape(m, len(corner)), corner
+        condensed = self._system.condensed
+        if condensed is not None:
+            tags = tags + condensed
+            tags = tags + whole(each, each, self._sighted_and_own(), n_tags)
+        else:
+            tags = tags + whole(each, each, linear.tag_diagonal, n_tags)
+        return sparse.csc_matrix(tags), between.reshape(3 * n_tags, len(corner)), corner
+
+    def _sighted_and_own(self) -> Array:
+        """The tags' own blocks without what was condensed."""
+        condensed, own = self._problem.condensed, self._point.linear.tag_diagonal.copy()
+        assert condensed is not None
+        each = condensed.rows == condensed.columns
+        np.subtract.at(own, condensed.rows[each], condensed.blocks[each])
+        return own
 
     def _border(self, between: Array, corner: Array) -> None:
         """Calibration unknowns join: their covariance, and what it adds to that of the tags."""
@@ -200,16 +187,6 @@ class Marginals:
     def _solved(self, x: Array) -> Array:
         """The tags' part of the reduced system, the frame held, solved for x (3 M, k)."""
         return np.stack([self._solve(np.ascontiguousarray(c)) for c in x.T], axis=1)
-
-
-def _expanded(
-    rows: Index, columns: Index, blocks: Array, shape: tuple[int, int]
-) -> sparse.csc_matrix:
-    """Blocks (n, 3, 3) at rows and columns of tags as a matrix of coordinates."""
-    i = (3 * rows[:, None, None] + np.arange(3)[:, None]) + np.zeros((1, 1, 3), dtype=np.int64)
-    j = (3 * columns[:, None, None] + np.arange(3)) + np.zeros((1, 3, 1), dtype=np.int64)
-    whole = (3 * shape[0], 3 * shape[1])
-    return sparse.csc_matrix((blocks.ravel(), (i.ravel(), j.ravel())), shape=whole)
 
 
 def _hold(motions: Array, diagonal: Array) -> sparse.csc_matrix:

@@ -7,8 +7,8 @@ from tagmap.estimation.problem import Problem
 
 
 def is_free(problem: Problem) -> bool:
-    """Surveyed tags hold the frame, and so does what is known of the first pose."""
-    return not len(problem.surveyed) and problem.hold is None and problem.n_tags > 0
+    """Nothing but surveyed tags holds the frame."""
+    return not len(problem.surveyed) and problem.n_tags > 0
 
 
 def free_directions(problem: Problem, p: Array) -> Array | None:

@@ -27,8 +27,7 @@ MANY_PRODUCTS = 25
 class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
-    mu_step: factor by which the robust weights sharpen at a time; robust, robust_surveys: whether
-    there are any, and for positions from outside.
+    mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
@@ -38,7 +37,6 @@ class Options:
     mu_step: float = 4.0
     max_regroupings: int = 20
     robust: bool = True
-    robust_surveys: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,7 @@ class Optimiser:
 
     def __init__(self, problem: Problem, options: Options) -> None:
         self._problem, self._options = problem, options
-        self._system = System(problem, options.robust_surveys)
+        self._system = System(problem)
         self._reduced = Reduced(self._system)
         self._damping = DAMPING_FIRST
         self._mu = KEEP
@@ -80,7 +78,6 @@ class Optimiser:
             if moved is None:
                 break
             point, settled = moved
-        self._last = point
         return Optimum(
             self._system.state(point.values),
             self._system.weights(point.belief),
@@ -89,15 +86,6 @@ class Optimiser:
             iterations,
             settled,
         )
-
-    def tag_information(self) -> Array:
-        """(M, d, d) of each tag at the optimum, all poses taken as known."""
-        d = self._problem.tag_dof
-        return self._last.linear.tag_diagonal[:, :d, :d].copy()
-
-    def last_information(self) -> Array:
-        """(dof, dof) of the last pose at the optimum, body frame, all tags taken as known."""
-        return self._reduced.last_information(self._last)
 
     def _first(self, state: State) -> Point:
         values = self._system.values(state)

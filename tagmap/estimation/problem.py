@@ -18,6 +18,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
+from tagmap.estimation.condensed import Condensed
 from tagmap.geometry import se2, se3
 from tagmap.geometry.stereo import StereoRig
 from tagmap.records.keyframe import Form
@@ -74,22 +75,8 @@ class Surveyed:
     def __len__(self) -> int:
         return len(self.tag)
 
-    @classmethod
-    def known(cls, tag: Index, p: Array, information: Array) -> "Surveyed":
-        """From information (K, d, d) instead of whitening."""
-        upper = np.swapaxes(np.linalg.cholesky(information), -1, -2)
-        return cls(tag, p, upper)
-
     def take(self, keep: Index) -> "Surveyed":
         return Surveyed(self.tag[keep], self.p[keep], self.whiten[keep])
-
-
-@dataclass(frozen=True, slots=True)
-class Hold:
-    """What is known of the first pose beforehand: about T (D, D) with information (dof, dof)."""
-
-    T: Array
-    information: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +91,7 @@ class Problem:
     surveyed: Surveyed
     scale_names: tuple[ScaleName, ...]
     scale_sigma: Array
-    hold: Hold | None = None
+    condensed: Condensed | None = None
 
     @property
     def pose_dof(self) -> int:

@@ -19,6 +19,7 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 from tagmap.conventions import Array, Index
+from tagmap.estimation.condensed import Condensed
 from tagmap.estimation.kernels import chain, segments
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.system import Point, System
@@ -59,7 +60,9 @@ class Pattern:
     indices: Index
 
     @classmethod
-    def of(cls, first: Index, tag: Index, n_tags: int) -> "Pattern":
+    def of(
+        cls, first: Index, tag: Index, n_tags: int, condensed: Condensed | None = None
+    ) -> "Pattern":
         bounds = np.zeros(len(first), dtype=np.int64)
         n_segments = segments.cut(first, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
         bounds = bounds[: n_segments + 1]
@@ -67,13 +70,24 @@ class Pattern:
         n = segments.incidence(first, tag, bounds, n_tags, start, tags)
         tags = tags[:n]
         seen = sparse.csr_matrix((np.ones(n, np.float32), tags, start), (n_segments, n_tags))
-        pairs = sparse.tril(seen.T @ seen + sparse.eye(n_tags, dtype=np.float32)).tocsr()
+        met = seen.T @ seen + sparse.eye(n_tags, dtype=np.float32)
+        if condensed is not None:
+            also = np.ones(len(condensed.rows), np.float32), (condensed.rows, condensed.columns)
+            met = met + sparse.csr_matrix(also, met.shape)
+        pairs = sparse.tril(met).tocsr()
         pairs.sort_indices()
         indptr, indices = pairs.indptr.astype(np.int64), pairs.indices.astype(np.int64)
-        met = np.diff(start)
-        place = np.empty(int((met * (met + 1) // 2).sum()), dtype=np.int64)
+        each = np.diff(start)
+        place = np.empty(int((each * (each + 1) // 2).sum()), dtype=np.int64)
         segments.places(start, tags, indptr, indices, place)
         return cls(bounds, start, tags, place, indptr, indices)
+
+    def places_of(self, rows: Index, columns: Index) -> Index:
+        """Where in BSR the pairs are."""
+        n = len(self.indptr)
+        key = np.repeat(np.arange(n - 1), np.diff(self.indptr)) * n + self.indices
+        place: Index = np.searchsorted(key, rows * n + columns)
+        return place
 
 
 class Reduced:
@@ -86,7 +100,14 @@ class Reduced:
         self._u, self._work = np.zeros((n, 6)), np.zeros((6, 6))
         self._linear: Linear
         self._own = self._calibration = self._poses = self._rhs = np.zeros(0)
-        self._pattern = Pattern.of(packed.first, packed.sighted.tag, system.problem.n_tags)
+        condensed = system.problem.condensed
+        self._pattern = Pattern.of(
+            packed.first, packed.sighted.tag, system.problem.n_tags, condensed
+        )
+        if condensed is not None:
+            off = condensed.rows != condensed.columns
+            self._off = condensed.blocks[off]
+            self._off_place = self._pattern.places_of(condensed.rows[off], condensed.columns[off])
         self._precondition: Callable[[Array], Array] | None = None
         self._gauge: Array | None = None
 
@@ -134,17 +155,6 @@ class Reduced:
         predicted -= float(unknowns @ linear.calibration_gradient)
         return Step(poses, tags, unknowns, predicted, products)
 
-    def last_information(self, point: Point) -> Array:
-        """(dof, dof) of the last pose, body frame, all tags taken as known.
-
-        The chains must be those of the point: it is the last that was prepared.
-        """
-        R, axes = point.values.T[-1, :3, :3], self._system.packed.axes
-        to_body = np.kron(np.eye(2), R.T)
-        cov = (to_body @ self._D[-1] @ to_body.T)[np.ix_(axes, axes)]
-        information: Array = np.linalg.inv(0.5 * (cov + cov.T))
-        return information
-
     def _conjugate_gradients(self, enough: float) -> tuple[Array, int]:
         """Stops when two products together gained too little to go on."""
         x, r = np.zeros_like(self._rhs), self._rhs.copy()
@@ -181,6 +191,8 @@ class Reduced:
         linear, m = self._linear, 3 * len(self._own)
         tags, unknowns = x[:m].reshape(-1, 3), x[m:]
         out = np.concatenate([(self._own @ tags[:, :, None]).ravel(), self._calibration @ unknowns])
+        if self._system.condensed is not None:
+            out[:m] += self._system.condensed @ x[:m]
         if len(unknowns):
             between = linear.tag_calibration.reshape(m, len(unknowns))
             out[:m] += between @ unknowns
@@ -195,6 +207,8 @@ class Reduced:
         blocks = np.zeros((len(pattern.indices), 3, 3))
         on_diagonal = pattern.indptr[1:] - 1
         blocks[on_diagonal] = linear.tag_diagonal + (self._own - point.own)
+        if self._system.condensed is not None:
+            blocks[self._off_place] += self._off
         between, corner = linear.tag_calibration.copy(), self._calibration.copy()
         if not segments.eliminate(
             linear,

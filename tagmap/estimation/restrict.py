@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Index
-from tagmap.estimation.problem import Hold, Odometry, Problem, Sightings, Surveyed
+from tagmap.estimation.problem import Odometry, Problem, Sightings, Surveyed
 
 
 def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
@@ -21,7 +21,7 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
         odometry=_odometry(problem.odometry, poses),
         sightings=tuple(_sightings(block, poses, new_tag) for block in problem.sightings),
         surveyed=_surveyed(problem.surveyed, new_tag),
-        hold=None,
+        condensed=None if problem.condensed is None else problem.condensed.take(tags),
     )
 
 
@@ -34,11 +34,6 @@ def without_scales(problem: Problem) -> Problem:
 def without_surveys(problem: Problem) -> Problem:
     """The problem of the robots alone."""
     return replace(problem, surveyed=problem.surveyed.take(np.zeros(0, dtype=np.int64)))
-
-
-def with_known(problem: Problem, tags: Surveyed, hold: Hold) -> Problem:
-    """The problem with what is known beforehand of some tags and of its first pose."""
-    return replace(problem, surveyed=tags, hold=hold)
 
 
 def _renumbering(size: int, kept: Index) -> Index:

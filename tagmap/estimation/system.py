@@ -17,7 +17,6 @@ from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Residuals, Weights
-from tagmap.geometry import se3
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +66,12 @@ class Point:
 class System:
     """The packed problem and room for two points: the present one and the next to be tried."""
 
-    def __init__(self, problem: Problem, robust_surveys: bool = True) -> None:
+    def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.packed = pack(problem)
         self.n_columns = len(problem.scale_names)
-        self._robust_surveys = robust_surveys
         self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
+        self.condensed = None if problem.condensed is None else problem.condensed.information()
         surveyed, d = problem.surveyed, problem.tag_dof
         self._survey = np.zeros((len(surveyed), 3, 3))
         self._survey[:, :d, :d] = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
@@ -140,7 +139,7 @@ class System:
             linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
         own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
         scale_r2 = self._add_calibration_prior(linear, values)
-        rest += float(scale_r2.sum()) + self._add_hold(linear, values)
+        rest += float(scale_r2.sum()) + self._add_condensed(linear, values)
         return Point(
             values,
             linear,
@@ -160,7 +159,7 @@ class System:
         pull = (self._survey @ offset[:, :, None])[:, :, 0]
         r2 = (offset * pull).sum(axis=1)
         w = old
-        if mu >= 0.0 and self._robust_surveys:
+        if mu >= 0.0:
             w = robust.truncated(r2, robust.chi2_bound(self.problem.tag_dof), mu)
         own = np.zeros_like(linear.tag_diagonal)
         own[:, range(3), range(3)] = self.packed.tag_pins
@@ -169,21 +168,25 @@ class System:
         linear.tag_diagonal[:] += own
         return own, w, r2
 
-    def _add_hold(self, linear: Linear, values: Values) -> float:
-        """What is known of the first pose beforehand."""
-        hold = self.problem.hold
-        if hold is None:
+    def _add_condensed(self, linear: Linear, values: Values) -> float:
+        """What keyframes that are gone said of tags and calibration."""
+        condensed = self.problem.condensed
+        if condensed is None:
             return 0.0
-        T_mean = poses_in_space(hold.T[None])[0]
-        error = se3.log(se3.inverse(T_mean) @ values.T[0])
-        to_map = np.kron(np.eye(2), values.T[0, :3, :3])
-        axes = self.packed.axes
-        information = np.zeros((6, 6))
-        information[np.ix_(axes, axes)] = hold.information
-        pull = information @ error
-        linear.diagonal[0] += to_map @ information @ to_map.T
-        linear.pose_gradient[0] += to_map @ pull
-        return float(error @ pull)
+        assert self.condensed is not None
+        p, c = values.p - condensed.p, values.calibration - condensed.calibration
+        across = condensed.across.reshape(p.size, len(c))
+        by_tag = self.condensed @ p.ravel() + across @ c
+        by_unknown = condensed.corner @ c + across.T @ p.ravel()
+        linear.tag_gradient[:] += condensed.pull + by_tag.reshape(p.shape)
+        linear.calibration_gradient[:] += condensed.calibration_pull + by_unknown
+        each = condensed.rows == condensed.columns
+        np.add.at(linear.tag_diagonal, condensed.rows[each], condensed.blocks[each])
+        linear.tag_calibration[:] += condensed.across
+        linear.calibration[:] += condensed.corner
+        quadratic = p.ravel() @ by_tag + c @ by_unknown
+        along = p.ravel() @ condensed.pull.ravel() + c @ condensed.calibration_pull
+        return float(condensed.cost + quadratic + 2.0 * along)
 
     def _add_calibration_prior(self, linear: Linear, values: Values) -> Array:
         information = self.problem.scale_sigma**-2.0

@@ -12,7 +12,7 @@ from tagmap.estimation.problem import Problem, State, lie
 from tagmap.estimation.residuals import Weights
 from tagmap.estimation.system import Point, System
 from tests.estimation.factors import (
-    hold_residual,
+    condensed_residual,
     odometry_residual,
     scale_residual,
     sighting_residual,
@@ -49,7 +49,7 @@ def residual(problem: Problem, state: State, weights: Weights) -> Array:
     parts.append(odometry_residual(kind, problem.odometry, state) * _root(weights.odometry))
     parts.append(surveyed_residual(problem.surveyed, state) * _root(weights.surveyed))
     parts.append(scale_residual(problem, state))
-    parts.append(hold_residual(problem, state))
+    parts.append(condensed_residual(problem, state))
     return np.concatenate([part.ravel() for part in parts])
 
 
@@ -100,6 +100,10 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
         H[at : at + 3, scales] = linear.tag_calibration[t]
         H[scales, at : at + 3] = linear.tag_calibration[t].T
     H[np.ix_(scales, scales)] = linear.calibration
+    if system.condensed is not None:
+        between = system.condensed.toarray().reshape(m, 3, m, 3)
+        between[np.arange(m), :, np.arange(m), :] = 0.0
+        H[6 * n : 6 * n + 3 * m, 6 * n : 6 * n + 3 * m] += between.reshape(3 * m, 3 * m)
     g = np.concatenate(
         [linear.pose_gradient.ravel(), linear.tag_gradient.ravel(), linear.calibration_gradient]
     )
@@ -153,7 +157,7 @@ def covariance(problem: Problem, state: State, weights: Weights) -> Array:
     (Baarda 1973) carries it over to inner constraints on the tags alone.
     """
     H, _ = normal_equations(problem, state, weights)
-    if len(problem.surveyed) or problem.hold is not None:
+    if len(problem.surveyed):
         return np.linalg.inv(H)
     motions = frame_motions(problem, state)
     free = np.eye(len(H)) - motions @ motions.T

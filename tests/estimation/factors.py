@@ -52,11 +52,22 @@ def scale_residual(problem: Problem, state: State) -> Array:
     return r
 
 
-def hold_residual(problem: Problem, state: State) -> Array:
-    """Root of the information times log(T_mean^-1 T_0), (dof,); nothing if nothing is held."""
-    if problem.hold is None:
+def condensed_residual(problem: Problem, state: State) -> Array:
+    """C' x + C^-1 g with C C' = H, whose square is x' H x + 2 g' x and a constant."""
+    condensed = problem.condensed
+    if condensed is None:
         return np.zeros(0)
-    group = lie(problem.kind)
-    error = group.log(group.inverse(problem.hold.T) @ state.T[0])
-    r: Array = np.linalg.cholesky(problem.hold.information).T @ error
+    d, (m, _), q = problem.tag_dof, condensed.p.shape, len(condensed.calibration)
+    H = np.zeros((3 * m + q, 3 * m + q))
+    H[: 3 * m, : 3 * m] = condensed.information().toarray()
+    H[: 3 * m, 3 * m :] = condensed.across.reshape(3 * m, q)
+    H[3 * m :, : 3 * m] = H[: 3 * m, 3 * m :].T
+    H[3 * m :, 3 * m :] = condensed.corner
+    kept = np.concatenate([(3 * np.arange(m)[:, None] + np.arange(d)).ravel(), 3 * m + np.arange(q)])
+    g = np.concatenate([condensed.pull.ravel(), condensed.calibration_pull])[kept]
+    x = np.concatenate(
+        [(state.p - condensed.p[:, :d]).ravel(), state.scale - condensed.calibration]
+    )
+    C = np.linalg.cholesky(H[np.ix_(kept, kept)])
+    r: Array = C.T @ x + np.linalg.solve(C, g)
     return r

@@ -7,10 +7,11 @@ import pytest
 
 from tagmap.conventions import Array, Form, Kind
 from tagmap.estimation import reduced as reduced_module
+from tagmap.estimation.condensed import Condensed
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.gauge import free_directions
 from tagmap.estimation.optimise import Options, optimise
-from tagmap.estimation.problem import Hold, Odometry, Problem, State, lie
+from tagmap.estimation.problem import Odometry, Problem, State, lie
 from tagmap.estimation.reduced import Reduced, Step
 from tagmap.estimation.residuals import Weights
 from tagmap.estimation.restrict import restrict
@@ -41,12 +42,36 @@ def _disturbed(problem: Problem, state: State) -> State:
     return dense.moved(problem, state, 0.02 * rng.standard_normal(dense.size(problem)))
 
 
-def _held(problem: Problem, state: State) -> Problem:
-    """Close to the first pose, as the derivative by it is only taken there."""
+def _with_condensed(problem: Problem) -> Problem:
+    """Some positive definite knowledge of all tags and calibration, not about where they are."""
     rng = np.random.default_rng(6)
-    root = rng.standard_normal((problem.pose_dof,) * 2) + 5.0 * np.eye(problem.pose_dof)
-    near = state.T[0] @ lie(problem.kind).exp(np.full(problem.pose_dof, 1e-7))
-    return replace(problem, hold=Hold(near, root.T @ root))
+    d, m, q = problem.tag_dof, problem.n_tags, len(problem.scale_names)
+    kept = (3 * np.arange(m)[:, None] + np.arange(d)).ravel()
+    H = np.zeros((3 * m + q, 3 * m + q))
+    known = np.concatenate([kept, 3 * m + np.arange(q)])
+    root = rng.standard_normal((len(known), len(known))) + 5.0 * np.eye(len(known))
+    H[np.ix_(known, known)] = root.T @ root
+    g = np.zeros(3 * m + q)
+    g[known] = rng.standard_normal(len(known))
+    p = np.zeros((m, 3))
+    p[:, :d] = rng.standard_normal((m, d))
+    rows, columns = np.tril_indices(m)
+    tags = H[: 3 * m, : 3 * m].reshape(m, 3, m, 3)
+    condensed = Condensed(
+        p=p,
+        calibration=np.full(q, 1.01),
+        rows=rows,
+        columns=columns,
+        blocks=tags[rows, :, columns, :],
+        across=H[: 3 * m, 3 * m :].reshape(m, 3, q),
+        corner=H[3 * m :, 3 * m :],
+        pull=g[: 3 * m].reshape(m, 3),
+        calibration_pull=g[3 * m :],
+        cost=float(g[known] @ np.linalg.solve(H[np.ix_(known, known)], g[known])),
+        n=0,
+        worth=1.0,
+    )
+    return replace(problem, condensed=condensed)
 
 
 def _point(problem: Problem, state: State, weights: Weights) -> tuple[System, Point]:
@@ -63,7 +88,7 @@ def _is_the_dense_one(problem: Problem, state: State, weights: Weights) -> None:
 
 def test_normal_equations_are_the_dense_ones(problem_and_start: tuple[Problem, State]) -> None:
     problem, state = problem_and_start
-    problem = _held(problem, state)
+    problem = _with_condensed(problem)
     _is_the_dense_one(problem, state, dense.halved(Weights.ones(problem)))
 
 
