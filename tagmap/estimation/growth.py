@@ -27,6 +27,7 @@ from tagmap.estimation.restrict import restrict
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
+LEAST_AGREEING = 1.4
 MU_STEP = 4.0
 MOST_MISFITS = 0.5
 LEAST_GROWN = 1.5
@@ -120,15 +121,17 @@ class _Growth:
         )
 
     def _place_new_tags(self, start: int, stop: int) -> bool:
-        """Tags nobody knew, where the window's points have them."""
-        seen = self._points.of_poses(start, stop - 1)
-        unknown = np.flatnonzero(np.isnan(self._p[seen.tag, 0]))
-        if not len(unknown):
+        """Tags nobody knew that the window sees, where all points so far have them."""
+        in_window = self._points.of_poses(start, stop - 1).tag
+        wanted = np.zeros(self._problem.n_tags, dtype=bool)
+        wanted[in_window] = np.isnan(self._p[in_window, 0])
+        if not wanted.any():
             return False
         d = self._problem.tag_dof
-        T = state_of(self._problem.kind, self._T[start:stop], self._p, np.zeros(0)).T
-        fit = fit_tags(seen.take(unknown), T, self._problem.n_tags)
-        new = np.flatnonzero(fit.determined)
+        seen = self._points.of_poses(0, stop - 1)
+        T = state_of(self._problem.kind, self._T[:stop], self._p, np.zeros(0)).T
+        fit = fit_tags(seen.take(np.flatnonzero(wanted[seen.tag])), T, self._problem.n_tags)
+        new = np.flatnonzero(fit.determined & (fit.n >= LEAST_AGREEING))
         self._p[new] = tags_in_space(fit.p[new])
         self._information[new] = np.diag(self._packed.tag_pins)
         self._information[new, :d, :d] = fit.information[new]

@@ -117,8 +117,8 @@ class TagFit:
 def fit_tags(points: Points, T: Array, n_tags: int) -> TagFit:
     """Robust information-weighted mean per tag (iteratively reweighted, Cauchy loss).
 
-    T (N, D, D): poses. The rounds begin at the coordinate-wise median, so a minority of wrong
-    identities does not move it.
+    T (N, D, D): poses. The rounds begin where most points agree: wrong identities, which agree on
+    nothing, do not move it.
     """
     d = T.shape[-1] - 1
     order = np.argsort(points.tag, kind="stable")
