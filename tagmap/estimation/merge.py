@@ -6,7 +6,7 @@ from math import comb
 
 import numpy as np
 
-from tagmap.conventions import TAG_DOF, Array, Index, Kind
+from tagmap.conventions import TAG_DOF, Array, Index, Kind, Mask
 from tagmap.estimation.problem import lie
 from tagmap.geometry.alignment import align
 
@@ -22,6 +22,9 @@ class LocalMap:
     tags: Index
     p: Array
     sigma: Array
+
+    def take(self, keep: Mask) -> "LocalMap":
+        return LocalMap(self.tags[keep], self.p[keep], self.sigma[keep])
 
 
 @dataclass(frozen=True, slots=True)

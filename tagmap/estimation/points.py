@@ -9,7 +9,7 @@ from tagmap.estimation.kernels import tag_fit
 from tagmap.estimation.packing import poses_in_space
 from tagmap.estimation.problem import lie
 from tagmap.estimation.problem import Problem, Sightings
-from tagmap.geometry import camera, measurement
+from tagmap.geometry import camera, measurement, se2, se3
 
 ROBUST_ROUNDS = 10
 LEAST_PARALLAX = 1e-3
@@ -21,13 +21,15 @@ LEAST_DETERMINANT = 1e-12
 class Points:
     """What each sighting says about where its tag is in base, as a Gaussian in information form.
 
-    pose, tag (K,); p_base (K, d); information (K, d, d), of rank 1 less for a direction only.
+    pose, tag (K,); p_base (K, d); information (K, d, d), of rank 1 less for a direction only;
+    row (K,): the number of the sighting, counted through all blocks of the problem.
     """
 
     pose: Index
     tag: Index
     p_base: Array
     information: Array
+    row: Index
 
     def of_poses(self, first: int, last: int) -> "Points":
         """The points of poses first..last, both included, whose poses are then numbered from 0."""
@@ -36,23 +38,32 @@ class Points:
         return replace(part, pose=part.pose - first)
 
     def take(self, keep: Index | slice) -> "Points":
-        return Points(self.pose[keep], self.tag[keep], self.p_base[keep], self.information[keep])
+        return Points(*(getattr(self, name)[keep] for name in _FIELDS))
+
+    def distances(self, T: Array, p: Array) -> Array:
+        """Squared distances (K,) from tags p (M, d), by the points' own information; poses T."""
+        group = se2 if p.shape[1] == 2 else se3
+        offset = group.act(group.inverse(T), p[self.tag]) - self.p_base
+        square: Array = np.einsum("ka,kab,kb->k", offset, self.information, offset)
+        return square
+
+
+_FIELDS = ("pose", "tag", "p_base", "information", "row")
 
 
 def points_of(problem: Problem) -> Points:
     """Points of all sightings that give one, ascending by pose; a negative disparity gives none."""
-    parts = [_points_of_block(problem, block) for block in problem.sightings]
+    parts, n = [], 0
+    for block in problem.sightings:
+        part = _points_of_block(problem, block)
+        parts.append(replace(part, row=part.row + n))
+        n += len(block)
     parts = [part for part in parts if len(part.pose)]
     d = problem.tag_dof
     if not parts:
         none = np.zeros(0, dtype=np.int64)
-        return Points(none, none, np.zeros((0, d)), np.zeros((0, d, d)))
-    together = Points(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("pose", "tag", "p_base", "information")
-        )
-    )
+        return Points(none, none, np.zeros((0, d)), np.zeros((0, d, d)), none)
+    together = Points(*(np.concatenate([getattr(one, name) for one in parts]) for name in _FIELDS))
     return together.take(np.argsort(together.pose, kind="stable"))
 
 
@@ -67,7 +78,8 @@ def _points_of_block(problem: Problem, block: Sightings) -> Points:
     p_base = lie(problem.kind).act(T_base_cam, p_cam)
     information = R @ information @ np.swapaxes(R, -1, -2)
     good = np.isfinite(p_base.sum(axis=1) + information.sum(axis=(1, 2)))
-    return Points(block.pose, block.tag, p_base, information).take(np.flatnonzero(good))
+    every = np.arange(len(block))
+    return Points(block.pose, block.tag, p_base, information, every).take(np.flatnonzero(good))
 
 
 def _informed(p_cam: Array, cov: Array) -> tuple[Array, Array]:

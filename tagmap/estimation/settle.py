@@ -1,5 +1,7 @@
 """Optimise, see what the surviving sightings still determine, withhold the rest, repeat."""
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,13 +10,15 @@ from scipy import linalg
 from tagmap.conventions import Array, Index
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.optimise import Optimum, Options, optimise
+from tagmap.estimation.points import Points, points_of
 from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.residuals import Weights
-from tagmap.estimation.restrict import restrict, without_surveys
+from tagmap.estimation.restrict import restrict, without_scales, without_surveys
+from tagmap.estimation.revote import Votes, revoted
 from tagmap.estimation.stack import Stacked
-from tagmap.estimation.start import Start, start_at, start_from_nothing
+from tagmap.estimation.start import Start, start_from, start_with
 
 INLIER_WEIGHT = 0.5
+MOST_VOTES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,20 +41,44 @@ class Settled:
     unanchored: "Settled | None" = None
     singular: bool = False
 
+    def sighting_weights(self) -> Array:
+        """(K,) of all sightings of `stacked`, block by block; NaN where pose or tag is withheld."""
+        return self._of_all(self.optimum.weights.sightings)
+
+    def sighting_chi2(self) -> Array:
+        """(K,) squared whitened residuals, likewise."""
+        return self._of_all(self.optimum.residuals.sightings)
+
+    def _of_all(self, parts: Sequence[Array]) -> Array:
+        whole = []
+        for block, part in zip(self.stacked.problem.sightings, parts, strict=True):
+            values = np.full(len(block), np.nan)
+            values[self.start.placed[block.pose] & self.start.mapped[block.tag]] = part
+            whole.append(values)
+        return np.concatenate([*whole, np.zeros(0)])
+
 
 def settle(stacked: Stacked, options: Options) -> Settled:
-    """Every round withholds something more, or is the last."""
-    start = start_from_nothing(stacked.problem, stacked.chain)
+    """Every round withholds something more, moves tags where more sightings agree, or is the last.
+
+    Only the first few may move tags.
+    """
+    votes = Votes.of(points_of(without_scales(stacked.problem)))
+    start = start_from(stacked.problem, stacked.chain, votes.points)
     scale = np.ones(len(stacked.problem.scale_names))
     unanchored: Settled | None = None
-    while True:
+    for count in itertools.count():
         settled = _optimised(stacked, start, scale, options)
-        left = _still_determined(settled)
+        left = _still_determined(settled, votes.points)
+        scale = settled.optimum.state.scale
+        better = revoted(votes, left or _reached(settled)) if count < MOST_VOTES else None
+        if better is not None:
+            votes, left = better
         if left is None:
             break
         if start.anchored and not left.anchored:
             unanchored = settled
-        start, scale = left, settled.optimum.state.scale
+        start = left
     return _with_marginals(replace(settled, unanchored=unanchored), options)
 
 
@@ -66,26 +94,44 @@ def _optimised(stacked: Stacked, start: Start, scale: Array, options: Options) -
     return Settled(stacked, start, poses, tags, problem, optimum, support)
 
 
-def _still_determined(settled: Settled) -> Start | None:
-    """What the accepted sightings and surveys determine; None if that is all there is."""
+def _reached(settled: Settled) -> Start:
+    """The optimum, with the numbers of `stacked`."""
     start, state = settled.start, settled.optimum.state
-    accepted = _accepted(settled.problem, settled.optimum.weights)
-    part = start_at(accepted, settled.stacked.chain[settled.poses], state.T)
-    if part.placed.all() and part.mapped.all() and part.anchored == start.anchored:
-        return None
     T, p = start.T.copy(), start.p.copy()
     T[settled.poses], p[settled.tags] = state.T, state.p
-    placed, mapped = np.zeros_like(start.placed), np.zeros_like(start.mapped)
+    return replace(start, T=T, p=p)
+
+
+def _still_determined(settled: Settled, points: Points) -> Start | None:
+    """What the accepted sightings and surveys determine; None if that is all there is."""
+    part = start_with(
+        _with_accepted_surveys(settled),
+        settled.stacked.chain[settled.poses],
+        settled.optimum.state.T,
+        _accepted(settled, points),
+    )
+    if part.placed.all() and part.mapped.all() and part.anchored == settled.start.anchored:
+        return None
+    reached = _reached(settled)
+    placed, mapped = np.zeros_like(reached.placed), np.zeros_like(reached.mapped)
     placed[settled.poses], mapped[settled.tags] = part.placed, part.mapped
-    return Start(T, p, placed, mapped, part.anchored)
+    return replace(reached, placed=placed, mapped=mapped, anchored=part.anchored)
 
 
-def _accepted(problem: Problem, weights: Weights) -> Problem:
-    blocks = zip(problem.sightings, weights.sightings, strict=True)
+def _with_accepted_surveys(settled: Settled) -> Problem:
+    accepted = np.flatnonzero(settled.optimum.weights.surveyed >= INLIER_WEIGHT)
+    return replace(settled.problem, surveyed=settled.problem.surveyed.take(accepted))
+
+
+def _accepted(settled: Settled, points: Points) -> Points:
+    """The points of accepted sightings, with the numbers of the settled problem."""
+    weights = settled.sighting_weights()
+    with np.errstate(invalid="ignore"):
+        part = points.take(np.flatnonzero(weights[points.row] >= INLIER_WEIGHT))
     return replace(
-        problem,
-        sightings=tuple(block.take(np.flatnonzero(w >= INLIER_WEIGHT)) for block, w in blocks),
-        surveyed=problem.surveyed.take(np.flatnonzero(weights.surveyed >= INLIER_WEIGHT)),
+        part,
+        pose=np.searchsorted(settled.poses, part.pose),
+        tag=np.searchsorted(settled.tags, part.tag),
     )
 
 

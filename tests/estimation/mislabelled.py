@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tagmap.conventions import Array, Index, Kind, Mask
+from tagmap.conventions import Index, Kind, Mask
 from tagmap.estimation.optimise import Options
+from tagmap.estimation.problem import lie
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled, settle
 from tagmap.estimation.stack import Stacked, stack
 from tagmap.geometry.alignment import align
@@ -31,10 +32,12 @@ class Case:
 
 @dataclass(frozen=True)
 class Judged:
-    """rmse_m of the mapped tags after rigid alignment; kept: share of wrong sightings accepted."""
+    """error: of each mapped tag after rigid alignment, m.
 
-    rmse_m: float
-    mapped: int
+    kept: share of the wrong sightings that are accepted; lost: of the right that are not.
+    """
+
+    error: dict[str, float]
     kept: float
     lost: float
 
@@ -85,36 +88,21 @@ def _swapped(tag: Index, pose: Index, rng: np.random.Generator) -> Index:
 def judge(case: Case, stacked: Stacked) -> Judged:
     """`stacked`: that of the case, or the oracle's."""
     settled = settle(stacked, Options())
-    return Judged(_rmse(case, settled), len(settled.tags), *_verdicts(case, settled))
+    return Judged(_error(case, settled), *_verdicts(case, stacked, settled))
 
 
-def _rmse(case: Case, settled: Settled) -> float:
-    p = settled.optimum.state.p
-    if len(p) < 3:
-        return np.inf
-    p_true = np.array([case.world.at(case.stacked.tags[tag]) for tag in settled.tags])
-    moved: Array = align(p, p_true).T_b_a
-    d = p.shape[1]
-    error = p @ moved[:d, :d].T + moved[:d, d] - p_true
-    return float(np.sqrt((error**2).sum(axis=1).mean()))
+def _error(case: Case, settled: Settled) -> dict[str, float]:
+    names, p = [case.stacked.tags[tag] for tag in settled.tags], settled.optimum.state.p
+    if len(p) < p.shape[1]:
+        return {}
+    p_true = np.array([case.world.at(name) for name in names])
+    moved = lie(case.world.kind).act(align(p, p_true).T_b_a, p)
+    return dict(zip(names, np.linalg.norm(moved - p_true, axis=1).tolist(), strict=True))
 
 
-def _verdicts(case: Case, settled: Settled) -> tuple[float, float]:
-    """Shares of the wrong that are kept, and of the right that are not."""
-    kept, right_kept = 0, 0
-    blocks = zip(case.stacked.problem.sightings, case.wrong, strict=True)
-    wrong = {
-        key: bad
-        for block, mask in blocks
-        for *key_, bad in zip(block.pose, block.tag, block.z[:, 0], mask, strict=True)
-        for key in [tuple(key_)]
-    }
-    for block, w in zip(settled.problem.sightings, settled.optimum.weights.sightings, strict=True):
-        pose, tag = settled.poses[block.pose], settled.tags[block.tag]
-        for *key, weight in zip(pose, tag, block.z[:, 0], w, strict=True):
-            if weight >= INLIER_WEIGHT:
-                bad = wrong[tuple(key)]
-                kept, right_kept = kept + bad, right_kept + (not bad)
-    n = sum(map(len, case.wrong))
-    n_wrong = sum(int(mask.sum()) for mask in case.wrong)
-    return kept / max(n_wrong, 1), 1.0 - right_kept / (n - n_wrong)
+def _verdicts(case: Case, stacked: Stacked, settled: Settled) -> tuple[float, float]:
+    accepted = settled.sighting_weights() >= INLIER_WEIGHT
+    wrong = np.concatenate(case.wrong)
+    if stacked is not case.stacked:
+        return 0.0, float(1.0 - accepted.sum() / (~wrong).sum())
+    return float(accepted[wrong].mean()), float(1.0 - accepted[~wrong].mean())
