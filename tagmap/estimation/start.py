@@ -9,15 +9,14 @@ import numpy as np
 
 from tagmap.conventions import Array, Index, Kind, Mask
 from tagmap.estimation.growth import grow
-from tagmap.estimation.merge import LocalMap
+from tagmap.estimation.merge import MOST_BENT, LocalMap
 from tagmap.estimation.placing import Chain, Placed, component, determines_frame
-from tagmap.estimation.points import Points, fit_tags, points_of
+from tagmap.estimation.points import Points, TagFit, fit_tags, points_of
 from tagmap.estimation.problem import Problem
 from tagmap.estimation.restrict import without_scales, without_surveys
 
 LEAST_SIGMA_M = 0.01
-# Names that a chain only ever gave to other tags would outvote those that it saw.
-LEAST_AGREEING = 1.4
+LEAST_AGREEING = 2
 LEAST_SHARE = 0.3
 LEAST_SURVEYED = 3
 
@@ -87,10 +86,26 @@ def _chain(points: Points, poses: Index, T: Array, n_tags: int) -> Chain:
     cov = np.linalg.inv(fit.information[tags])
     sigma = np.maximum(np.sqrt(np.trace(cov, axis1=1, axis2=2)), LEAST_SIGMA_M)
     local = LocalMap(tags, fit.p[tags], sigma)
-    seen = np.bincount(own.tag, minlength=n_tags)
-    sure = local.take((fit.n >= np.maximum(LEAST_AGREEING, LEAST_SHARE * seen))[tags])
+    sure = local.take(_sure(own, T, fit)[tags])
     kind: Kind = "planar" if own.p_base.shape[1] == 2 else "spatial"
     return Chain(poses, T, sure if determines_frame(kind, sure) else local)
+
+
+def _sure(points: Points, T: Array, fit: TagFit) -> Mask:
+    """Tags (M,) at whose place several of their points are, and not too small a share.
+
+    Names that a chain only ever gave to other tags would outvote those that it saw. Chains may be
+    bent, so what is near is judged by the size of the map.
+    """
+    p = fit.p[fit.determined]
+    size = np.sqrt(np.square(p - np.median(p, axis=0)).sum(axis=1).mean()) if len(p) else 0.0
+    square = points.distances(T[points.pose], fit.p)
+    near = square <= MOST_BENT**2 * size**2 * np.trace(points.information, axis1=1, axis2=2)
+    n_tags = len(fit.p)
+    agreeing = np.bincount(points.tag[near], minlength=n_tags)
+    seen = np.bincount(points.tag, minlength=n_tags)
+    sure: Mask = agreeing >= np.maximum(LEAST_AGREEING, LEAST_SHARE * seen)
+    return sure
 
 
 def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> Start:
