@@ -15,6 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from tagmap.conventions import Array, Index
+from tagmap.geometry.alignment import align
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,40 @@ class Condensed:
             for name in ("blocks", "across", "corner", "pull", "calibration_pull", "cost")
         }
         return replace(self, **scaled)
+
+    def aligned(self, p: Array) -> "Condensed":
+        """The same, moved as a rigid body to where the tags are now, p (M, d).
+
+        Sightings do not know where the map is nor how it is turned, and so neither does what is
+        left of them. Taken where it was, it would resist when the map as a whole is turned.
+        """
+        d = p.shape[1]
+        each = self.rows == self.columns
+        tags = self.rows[each]
+        weights = np.trace(self.blocks[each], axis1=1, axis2=2)
+        heavy = weights > 0.0
+        tags, weights = tags[heavy], weights[heavy]
+        fit = align(self.p[tags, :d], p[tags], weights)
+        if not fit.determined:
+            return self
+        R, t = np.eye(3), np.zeros(3)
+        R[:d, :d], t[:d] = fit.T_b_a[:d, :d], fit.T_b_a[:d, d]
+        return replace(
+            self,
+            p=self.p @ R.T + t,
+            blocks=R @ self.blocks @ R.T,
+            across=R @ self.across,
+            pull=self.pull @ R.T,
+        )
+
+    def among(self, tags: Index, n_tags: int) -> "Condensed":
+        """The same with numbers out of n_tags, in which these are `tags`; of others it says nothing."""
+        p, pull = np.zeros((n_tags, 3)), np.zeros((n_tags, 3))
+        across = np.zeros((n_tags, 3, len(self.calibration)))
+        p[tags], pull[tags], across[tags] = self.p, self.pull, self.across
+        return replace(
+            self, p=p, pull=pull, across=across, rows=tags[self.rows], columns=tags[self.columns]
+        )
 
     def take(self, tags: Index) -> "Condensed":
         """Of the tags with these numbers, in their order; the others are taken as they are."""

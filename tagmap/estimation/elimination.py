@@ -7,7 +7,7 @@ from tagmap.estimation.kernels import schur, segments
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.reduced import SEGMENT_POSES, SEGMENT_SIGHTINGS
 
-FADED = 1e-10
+FADED = 1e-22
 FIRST_WIDTH = 256
 FIRST_PAIRS = 64
 
@@ -18,7 +18,8 @@ def eliminated(
     """-B' A^-1 B by pairs of tags: rows >= columns (P,), blocks (P, 3, 3).
 
     L, D: the factors of A. Its parts with calibration unknowns are added to between (M, 3, Q) and
-    corner (Q, Q). Exact but for what has faded to FADED of a tag's own block.
+    corner (Q, Q). Exact but for what has faded to FADED of a tag's own block: its root is the error of
+    pairs, and must leave rigid motions of all tags free.
     """
     n_tags = len(linear.tag_diagonal)
     bounds = np.zeros(len(linear.first), dtype=np.int64)

@@ -9,7 +9,7 @@ from tagmap.estimation import robust
 from tagmap.estimation.gauge import free_directions
 from tagmap.estimation.kernels.sightings import KEEP
 from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.reduced import Reduced, Step
+from tagmap.estimation.reduced import Precondition, Reduced, Step
 from tagmap.estimation.residuals import Residuals, Weights
 from tagmap.estimation.system import Belief, Point, System
 
@@ -19,7 +19,6 @@ SHARPEN_BELOW = 0.1
 DAMPING_FIRST = 1e-6
 DAMPING_LEAST = 1e-12
 DAMPING_MOST = 1e8
-RENEWALS = 2
 MANY_PRODUCTS = 25
 
 
@@ -28,6 +27,7 @@ class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
     mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any.
+    renewals: of the preconditioner, at the first steps.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
@@ -37,6 +37,7 @@ class Options:
     mu_step: float = 4.0
     max_regroupings: int = 20
     robust: bool = True
+    renewals: int = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +60,13 @@ def optimise(problem: Problem, state: State, options: Options) -> Optimum:
 class Optimiser:
     """One run over one problem."""
 
-    def __init__(self, problem: Problem, options: Options) -> None:
+    def __init__(
+        self, problem: Problem, options: Options, precondition: Precondition | None = None
+    ) -> None:
         self._problem, self._options = problem, options
         self._system = System(problem)
         self._reduced = Reduced(self._system)
+        self._reduced.precondition = precondition
         self._damping = DAMPING_FIRST
         self._mu = KEEP
         self._regroupings = 0
@@ -86,6 +90,11 @@ class Optimiser:
             iterations,
             settled,
         )
+
+    @property
+    def precondition(self) -> Precondition | None:
+        """As it was at the end, for a problem that differs little."""
+        return self._reduced.precondition
 
     def _first(self, state: State) -> Point:
         values = self._system.values(state)
@@ -128,7 +137,8 @@ class Optimiser:
         return None
 
     def _prepare(self, point: Point, gauge: Array | None) -> bool:
-        renew = self._renewals < RENEWALS or self._products > MANY_PRODUCTS
+        few = self._renewals < self._options.renewals
+        renew = few or self._products > MANY_PRODUCTS
         self._renewals += renew
         return self._reduced.prepare(point, self._damping, renew, gauge)
 

@@ -13,6 +13,7 @@ large scale SLAM", IROS 2010.)
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy import linalg, sparse
@@ -32,6 +33,9 @@ DAMPED_LEAST = 1.0
 # How much of what a step could gain may be left to the next one.
 LEFT_OVER = 1e-4
 REGULAR = 1e-9
+
+
+Precondition: TypeAlias = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +95,7 @@ class Pattern:
 
 
 class Reduced:
-    """Solves for steps of one system; keeps what can be used again from step to step."""
+    """Solves for steps of one system; `precondition` can be used again where little has changed."""
 
     def __init__(self, system: System) -> None:
         self._system = system
@@ -108,7 +112,7 @@ class Reduced:
             off = condensed.rows != condensed.columns
             self._off = condensed.blocks[off]
             self._off_place = self._pattern.places_of(condensed.rows[off], condensed.columns[off])
-        self._precondition: Callable[[Array], Array] | None = None
+        self.precondition: Precondition | None = None
         self._gauge: Array | None = None
 
     def prepare(self, point: Point, damping: float, renew: bool, gauge: Array | None) -> bool:
@@ -124,11 +128,11 @@ class Reduced:
         self._linear, self._gauge = linear, gauge
         self._own = point.own + _damped(linear.tag_diagonal, damping)
         self._calibration = linear.calibration + _damped(linear.calibration, damping)
-        if renew or self._precondition is None:
+        if renew or self.precondition is None:
             precondition = self._preconditioner(point, damping)
             if precondition is None:
                 return False
-            self._precondition = precondition
+            self.precondition = precondition
         self._poses = -linear.pose_gradient
         chain.solve(self._L, self._D, self._poses)
         m = 3 * len(self._own)
@@ -179,8 +183,8 @@ class Reduced:
         return x, len(gains)
 
     def _preconditioned(self, r: Array) -> Array:
-        assert self._precondition is not None
-        return self._free(self._precondition(r))
+        assert self.precondition is not None
+        return self._free(self.precondition(r))
 
     def _free(self, x: Array) -> Array:
         """x without its part along the gauge."""
@@ -201,7 +205,7 @@ class Reduced:
         chain.scatter(linear, tags, 1.0, self._u, out[:m].reshape(-1, 3), out[m:])
         return out
 
-    def _preconditioner(self, point: Point, damping: float) -> Callable[[Array], Array] | None:
+    def _preconditioner(self, point: Point, damping: float) -> Precondition | None:
         linear, pattern = point.linear, self._pattern
         n_tags = len(self._own)
         blocks = np.zeros((len(pattern.indices), 3, 3))
@@ -244,7 +248,7 @@ def _damped(blocks: Array, damping: float) -> Array:
 
 def _dense(
     blocks: Array, pattern: Pattern, shape: tuple[int, int]
-) -> Callable[[Array], Array] | None:
+) -> Precondition | None:
     lower = sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape).toarray()
     try:
         factor = linalg.cholesky(lower, lower=True, overwrite_a=True, check_finite=False)
@@ -255,7 +259,7 @@ def _dense(
 
 def _sparse(
     blocks: Array, pattern: Pattern, shape: tuple[int, int]
-) -> Callable[[Array], Array] | None:
+) -> Precondition | None:
     lower = sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape).tocsc()
     strictly = sparse.tril(lower, -1)
     diagonal = sparse.tril(lower).tocsc()
@@ -273,8 +277,8 @@ def _sparse(
 
 
 def _bordered(
-    solve: Callable[[Array], Array], between: Array, corner: Array
-) -> Callable[[Array], Array] | None:
+    solve: Precondition, between: Array, corner: Array
+) -> Precondition | None:
     """Solve with a few columns more: [[M, between], [between', corner]]."""
     m, q = between.shape
     if not q:
