@@ -10,6 +10,7 @@ measurement out never makes anything overconfident; one step in hundreds costs n
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -18,7 +19,11 @@ from tagmap.conventions import Array, Index
 from tagmap.geometry.alignment import align
 
 
-@dataclass(frozen=True, slots=True)
+# Less than any tag is known by.
+STILL_M = 1e-4
+
+
+@dataclass(frozen=True)
 class Condensed:
     """cost(x) = x' H x + 2 g' x + constant, of x = (p - p0, c - c0): tags, then calibration.
 
@@ -41,6 +46,7 @@ class Condensed:
     n: int
     worth: float
 
+    @cached_property
     def information(self) -> sparse.csr_matrix:
         """Of the tags (3 M, 3 M), both triangles."""
         return whole(self.rows, self.columns, self.blocks, len(self.p))
@@ -66,7 +72,7 @@ class Condensed:
         heavy = weights > 0.0
         tags, weights = tags[heavy], weights[heavy]
         fit = align(self.p[tags, :d], p[tags], weights)
-        if not fit.determined:
+        if not fit.determined or _is_still(fit.T_b_a, self.p[tags, :d]):
             return self
         R, t = np.eye(3), np.zeros(3)
         R[:d, :d], t[:d] = fit.T_b_a[:d, :d], fit.T_b_a[:d, d]
@@ -106,6 +112,13 @@ class Condensed:
         )
 
 
+def _is_still(T: Array, p: Array) -> bool:
+    """Whether the motion T (D, D) moves no point of p (n, d) by more than STILL_M."""
+    d = p.shape[1]
+    moved = p @ T[:d, :d].T + T[:d, d] - p
+    return bool(np.abs(moved).max(initial=0.0) < STILL_M)
+
+
 def whole(rows: Index, columns: Index, blocks: Array, n_tags: int) -> sparse.csr_matrix:
     """Symmetric (3 M, 3 M) of its lower blocks (P, 3, 3)."""
     off = rows != columns
@@ -123,7 +136,7 @@ def merged(old: Condensed | None, new: Condensed) -> Condensed:
     if old is None:
         return new
     p, c = new.p - old.p, new.calibration - old.calibration
-    information = old.information()
+    information = old.information
     across = old.across.reshape(p.size, len(c))
     by_tag = information @ p.ravel() + across @ c
     by_unknown = old.corner @ c + across.T @ p.ravel()

@@ -46,6 +46,7 @@ class Lifelong:
         self.p: Array = np.zeros((0, 0))
         self.scale: Array = np.zeros(0)
         self.condensed: Condensed | None = None
+        self._taken: tuple[Index, Condensed] | None = None
         self._precondition: tuple[Index, Precondition | None, int] | None = None
 
     def update(self, problem: Problem, ids: Index, T_given: Array | None = None) -> Optimum:
@@ -54,18 +55,26 @@ class Lifelong:
         problem: of all poses `ids` (n,), without what is condensed. T_given (n, D, D): where poses
         are that nothing else says it of, NaN elsewhere; without it they are laid onto the map.
         """
-        problem = replace(problem, condensed=self.condensed)
         self._grow(problem)
         T, placed = self._start(problem, ids, T_given)
         self._add_tags(problem, T, placed)
         tags = np.flatnonzero(np.isfinite(self.p[:, 0]))
         poses = np.flatnonzero(placed)
-        alive = _turned(restrict(problem, poses, tags), self.p[tags])
+        alive = replace(restrict(problem, poses, tags), condensed=self._known(tags))
         optimum = self._optimise(alive, State(T[poses], self.p[tags], self.scale), tags)
         self.ids, self.T = ids[poses], optimum.state.T
         self.p[tags], self.scale = optimum.state.p, optimum.state.scale
         self._condense(alive, optimum, tags)
         return optimum
+
+    def _known(self, tags: Index) -> Condensed | None:
+        """What is condensed, of these tags, laid onto the map as it is now."""
+        if self.condensed is None:
+            return None
+        if self._taken is None or not np.array_equal(self._taken[0], tags):
+            self._taken = tags, self.condensed.take(tags)
+        self._taken = tags, self._taken[1].aligned(self.p[tags])
+        return self._taken[1]
 
     def _optimise(self, alive: Problem, start: State, tags: Index) -> Optimum:
         """With the preconditioner of the updates before while the tags are the same."""
@@ -133,6 +142,7 @@ class Lifelong:
             return
         assert left.condensed is not None
         self.condensed = left.condensed.among(tags, len(self.p))
+        self._taken = tags, left.condensed
         self.ids, self.T = self.ids[~old], state.T
 
 
@@ -143,13 +153,6 @@ def _points(problem: Problem, which: list[Mask]) -> Points:
         problem, sightings=tuple(block.take(np.flatnonzero(keep)) for block, keep in pairs)
     )
     return points_of(without_scales(part))
-
-
-def _turned(problem: Problem, p: Array) -> Problem:
-    """What is condensed, laid onto the map as it is now."""
-    if problem.condensed is None:
-        return problem
-    return replace(problem, condensed=problem.condensed.aligned(p))
 
 
 def _old(problem: Problem, span: Span) -> Mask:

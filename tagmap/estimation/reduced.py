@@ -13,6 +13,7 @@ large scale SLAM", IROS 2010.)
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -104,14 +105,6 @@ class Reduced:
         self._u, self._work = np.zeros((n, 6)), np.zeros((6, 6))
         self._linear: Linear
         self._own = self._calibration = self._poses = self._rhs = np.zeros(0)
-        condensed = system.problem.condensed
-        self._pattern = Pattern.of(
-            packed.first, packed.sighted.tag, system.problem.n_tags, condensed
-        )
-        if condensed is not None:
-            off = condensed.rows != condensed.columns
-            self._off = condensed.blocks[off]
-            self._off_place = self._pattern.places_of(condensed.rows[off], condensed.columns[off])
         self.precondition: Precondition | None = None
         self._gauge: Array | None = None
 
@@ -205,14 +198,22 @@ class Reduced:
         chain.scatter(linear, tags, 1.0, self._u, out[:m].reshape(-1, 3), out[m:])
         return out
 
+    @cached_property
+    def _pattern(self) -> Pattern:
+        packed, problem = self._system.packed, self._system.problem
+        return Pattern.of(packed.first, packed.sighted.tag, problem.n_tags, problem.condensed)
+
     def _preconditioner(self, point: Point, damping: float) -> Precondition | None:
         linear, pattern = point.linear, self._pattern
         n_tags = len(self._own)
         blocks = np.zeros((len(pattern.indices), 3, 3))
         on_diagonal = pattern.indptr[1:] - 1
         blocks[on_diagonal] = linear.tag_diagonal + (self._own - point.own)
-        if self._system.condensed is not None:
-            blocks[self._off_place] += self._off
+        condensed = self._system.problem.condensed
+        if condensed is not None:
+            off = condensed.rows != condensed.columns
+            place = pattern.places_of(condensed.rows[off], condensed.columns[off])
+            blocks[place] += condensed.blocks[off]
         between, corner = linear.tag_calibration.copy(), self._calibration.copy()
         if not segments.eliminate(
             linear,

@@ -71,7 +71,7 @@ class System:
         self.packed = pack(problem)
         self.n_columns = len(problem.scale_names)
         self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
-        self.condensed = None if problem.condensed is None else problem.condensed.information()
+        self.condensed = None if problem.condensed is None else problem.condensed.information
         surveyed, d = problem.surveyed, problem.tag_dof
         self._survey = np.zeros((len(surveyed), 3, 3))
         self._survey[:, :d, :d] = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten

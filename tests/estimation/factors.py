@@ -59,7 +59,7 @@ def condensed_residual(problem: Problem, state: State) -> Array:
         return np.zeros(0)
     d, (m, _), q = problem.tag_dof, condensed.p.shape, len(condensed.calibration)
     H = np.zeros((3 * m + q, 3 * m + q))
-    H[: 3 * m, : 3 * m] = condensed.information().toarray()
+    H[: 3 * m, : 3 * m] = condensed.information.toarray()
     H[: 3 * m, 3 * m :] = condensed.across.reshape(3 * m, q)
     H[3 * m :, : 3 * m] = H[: 3 * m, 3 * m :].T
     H[3 * m :, 3 * m :] = condensed.corner

@@ -76,7 +76,7 @@ def test_condensed_information_is_the_dense_schur_complement(
     schur = H[split:, split:] - H[split:, :split] @ np.linalg.solve(H[:split, :split], H[:split, split:])
     d, m = problem.tag_dof, problem.n_tags
     kept = (3 * np.arange(m)[:, None] + np.arange(d)).ravel()
-    found = left.condensed.information().toarray()[np.ix_(kept, kept)]
+    found = left.condensed.information.toarray()[np.ix_(kept, kept)]
     expected = schur[: m * d, : m * d]
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
     corner = schur[m * d :, m * d :]
@@ -92,8 +92,8 @@ def test_twice_condensed_is_once_condensed(solved: tuple[Problem, Optimum, Array
     twice, _ = condense(left, rest, everything[~old])
     assert once.condensed is not None
     assert twice.condensed is not None
-    expected = once.condensed.information().toarray()
-    found = twice.condensed.information().toarray()
+    expected = once.condensed.information.toarray()
+    found = twice.condensed.information.toarray()
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(
         twice.condensed.pull, once.condensed.pull, atol=1e-6 * np.abs(expected).max()
