@@ -9,11 +9,12 @@ from tagmap.estimation import robust
 from tagmap.estimation.condensed import Condensed, merged
 from tagmap.estimation.elimination import eliminated
 from tagmap.estimation.kernels import chain
+from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Weights
 from tagmap.estimation.restrict import restrict
-from tagmap.estimation.system import System
+from tagmap.estimation.system import Point, System
 
 
 def condense(problem: Problem, optimum: Optimum, old: Mask) -> tuple[Problem, State]:
@@ -37,10 +38,22 @@ def condensed_of(problem: Problem, state: State, weights: Weights) -> Condensed:
     """What the sightings of `problem`, without priors, say of tags and calibration alone."""
     system = System(problem)
     point = system.at(system.values(state), system.belief(weights))
-    linear, n = point.linear, problem.n_poses
+    return condensed_at(problem, point, weights)
+
+
+def factored(linear: Linear) -> tuple[Array, Array]:
+    """L and D of A (tagmap.estimation.kernels.chain); LinAlgError if it is not positive definite."""
+    n = len(linear.diagonal)
     L, D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
     if not chain.factor(linear, 0.0, L, D, np.zeros((6, 6))):
         raise np.linalg.LinAlgError("poses are not determined by the tags they see")
+    return L, D
+
+
+def condensed_at(problem: Problem, point: Point, weights: Weights) -> Condensed:
+    """The same, linearised already."""
+    linear = point.linear
+    L, D = factored(linear)
     prior = problem.scale_sigma**-2.0
     offset = point.values.calibration - 1.0
     between, corner = linear.tag_calibration.copy(), linear.calibration - np.diag(prior)
@@ -51,7 +64,7 @@ def condensed_of(problem: Problem, state: State, weights: Weights) -> Condensed:
     less, unknown_less = np.zeros_like(pull), np.zeros_like(unknown_pull)
     chain.scatter(linear, np.zeros_like(pull), 0.0, poses, less, unknown_less)
     rows, columns, blocks = _with_diagonal(rows, columns, blocks, linear.tag_diagonal - point.own)
-    accepted = [int((w > 0.0).sum()) for w in weights.sightings]
+    accepted = _accepted(weights)
     gained = -float(np.vdot(poses, linear.pose_gradient))
     return Condensed(
         p=point.values.p,
@@ -67,6 +80,11 @@ def condensed_of(problem: Problem, state: State, weights: Weights) -> Condensed:
         n=sum(accepted),
         worth=_worth(problem, accepted),
     )
+
+
+def _accepted(weights: Weights) -> list[int]:
+    """Sightings that count, by block."""
+    return [int((w > 0.0).sum()) for w in weights.sightings]
 
 
 def _worth(problem: Problem, accepted: list[int]) -> float:
