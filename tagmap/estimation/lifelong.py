@@ -36,7 +36,9 @@ class Lifelong:
     """Feed it the problem of the poses that are alive, and of new ones, with `update`.
 
     Poses are known by ids, ascending along the problem; tags by their numbers, which stay. `ids`
-    are those alive after the last update, T (n, D, D) their poses; p (M, d), NaN where unknown.
+    are those alive after the last update, T (n, D, D) their poses; p (M, d), NaN where unknown;
+    tags: numbers of those known. last: the problem and optimum of the last update, before anything
+    was condensed at its end.
     """
 
     def __init__(self, options: Options | None = None, span: Span | None = None) -> None:
@@ -45,7 +47,9 @@ class Lifelong:
         self.T: Array = np.zeros((0, 0, 0))
         self.p: Array = np.zeros((0, 0))
         self.scale: Array = np.zeros(0)
+        self.tags: Index = np.zeros(0, dtype=np.int64)
         self.condensed: Condensed | None = None
+        self.last: tuple[Problem, Optimum] | None = None
         self._taken: tuple[Index, Condensed] | None = None
         self._precondition: tuple[Index, Precondition | None, int] | None = None
 
@@ -62,7 +66,8 @@ class Lifelong:
         poses = np.flatnonzero(placed)
         alive = replace(restrict(problem, poses, tags), condensed=self._known(tags))
         optimum = self._optimise(alive, State(T[poses], self.p[tags], self.scale), tags)
-        self.ids, self.T = ids[poses], optimum.state.T
+        self.ids, self.T, self.tags = ids[poses], optimum.state.T, tags
+        self.last = alive, optimum
         self.p[tags], self.scale = optimum.state.p, optimum.state.scale
         self._condense(alive, optimum, tags)
         return optimum
