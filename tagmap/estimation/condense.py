@@ -26,7 +26,7 @@ def condense(problem: Problem, optimum: Optimum, old: Mask) -> tuple[Problem, St
     everything = np.arange(problem.n_tags)
     part = replace(restrict(problem, gone, everything), condensed=None)
     part = replace(part, surveyed=part.surveyed.take(np.zeros(0, dtype=np.int64)))
-    state = State(optimum.state.T[gone], optimum.state.p, optimum.state.scale)
+    state = State(optimum.state.T[gone], optimum.state.p, optimum.state.calibration)
     new = condensed_of(part, state, _of_poses(problem, optimum.weights, old))
     left = replace(
         restrict(problem, kept, everything), condensed=merged(problem.condensed, new)
@@ -54,8 +54,8 @@ def condensed_at(problem: Problem, point: Point, weights: Weights) -> Condensed:
     """The same, linearised already."""
     linear = point.linear
     L, D = factored(linear)
-    prior = problem.scale_sigma**-2.0
-    offset = point.values.calibration - 1.0
+    prior = problem.prior_sigma**-2.0
+    offset = point.values.calibration - problem.prior_mean
     between, corner = linear.tag_calibration.copy(), linear.calibration - np.diag(prior)
     rows, columns, blocks = eliminated(linear, L, D, between, corner)
     poses = -linear.pose_gradient

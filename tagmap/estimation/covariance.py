@@ -132,9 +132,9 @@ class Marginals:
         symmetric: Array = 0.5 * (cov + cov.T)
         return symmetric
 
-    def scales(self) -> Array:
-        """Variances (Q,)."""
-        return np.diag(self._corner)
+    def calibration(self) -> Array:
+        """(Q, Q), with correlations."""
+        return self._corner
 
     def poses(self, which: Index) -> Array:
         """(n, dof, dof) of the poses with numbers `which`, body frame."""

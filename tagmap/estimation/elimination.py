@@ -23,7 +23,9 @@ def eliminated(
     """
     n_tags = len(linear.tag_diagonal)
     bounds = np.zeros(len(linear.first), dtype=np.int64)
-    count = segments.cut(linear.first, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
+    count = segments.cut(
+        linear.first, linear.slot_column, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds
+    )
     scale = np.trace(linear.tag_diagonal, axis1=1, axis2=2)
     room, width = FIRST_PAIRS * (n_tags + 1), min(n_tags, FIRST_WIDTH)
     while True:

@@ -30,4 +30,4 @@ def rigid_motions(problem: Problem, p: Array) -> Array:
     columns = [np.tile(axis, len(p)) for axis in shifts]
     columns += [np.cross(axis, centred).ravel() for axis in turns]
     motions = np.stack(columns, axis=1)
-    return np.vstack([motions, np.zeros((len(problem.scale_names), motions.shape[1]))])
+    return np.vstack([motions, np.zeros((len(problem.calibration), motions.shape[1]))])

@@ -37,7 +37,7 @@ JOINT_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regr
 def grow(problem: Problem, points: Points, poses: Index) -> Array:
     """Poses (n, D, D) of the chain `poses` in the frame of its first one.
 
-    `problem` is without scales and surveys; `points` are those of all its sightings.
+    `problem` is without calibration and surveys; `points` are those of all its sightings.
     """
     chain = restrict(problem, poses, np.arange(problem.n_tags))
     return _Growth(chain, points.of_poses(poses[0], poses[-1])).run()
@@ -179,4 +179,7 @@ def _room(first: Index, sighted: Sighted, n: int, m: int) -> Linear:
         tag_calibration=np.zeros((m, 3, 0)),
         calibration=np.zeros((0, 0)),
         calibration_gradient=np.zeros(0),
+        step_column=np.zeros((n - 1, 0), dtype=np.int64),
+        step_calibration=np.zeros((n - 1, 6, 0)),
+        step_corner=np.zeros((n - 1, 0, 0)),
     )

@@ -16,7 +16,7 @@ from tagmap.estimation.optimise import Optimiser, Optimum, Options
 from tagmap.estimation.points import Points, fit_tags, points_of
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.reduced import Precondition
-from tagmap.estimation.restrict import restrict, without_scales
+from tagmap.estimation.restrict import restrict, without_calibration
 from tagmap.geometry.alignment import align
 
 LEAST_SHARED = 3
@@ -46,7 +46,7 @@ class Lifelong:
         self.ids: Index = np.zeros(0, dtype=np.int64)
         self.T: Array = np.zeros((0, 0, 0))
         self.p: Array = np.zeros((0, 0))
-        self.scale: Array = np.zeros(0)
+        self.calibration: Array = np.zeros(0)
         self.tags: Index = np.zeros(0, dtype=np.int64)
         self.condensed: Condensed | None = None
         self.last: tuple[Problem, Optimum] | None = None
@@ -65,10 +65,10 @@ class Lifelong:
         tags = np.flatnonzero(np.isfinite(self.p[:, 0]))
         poses = np.flatnonzero(placed)
         alive = replace(restrict(problem, poses, tags), condensed=self._known(tags))
-        optimum = self._optimise(alive, State(T[poses], self.p[tags], self.scale), tags)
+        optimum = self._optimise(alive, State(T[poses], self.p[tags], self.calibration), tags)
         self.ids, self.T, self.tags = ids[poses], optimum.state.T, tags
         self.last = alive, optimum
-        self.p[tags], self.scale = optimum.state.p, optimum.state.scale
+        self.p[tags], self.calibration = optimum.state.p, optimum.state.calibration
         self._condense(alive, optimum, tags)
         return optimum
 
@@ -98,8 +98,8 @@ class Lifelong:
         new = problem.n_tags - len(self.p)
         d = problem.tag_dof
         self.p = np.vstack([self.p.reshape(-1, d), np.full((new, d), np.nan)])
-        if not len(self.scale):
-            self.scale = np.ones(len(problem.scale_names))
+        if not len(self.calibration):
+            self.calibration = problem.prior_mean
 
     def _start(
         self, problem: Problem, ids: Index, T_given: Array | None
@@ -157,7 +157,7 @@ def _points(problem: Problem, which: list[Mask]) -> Points:
     part = replace(
         problem, sightings=tuple(block.take(np.flatnonzero(keep)) for block, keep in pairs)
     )
-    return points_of(without_scales(part))
+    return points_of(without_calibration(part))
 
 
 def _old(problem: Problem, span: Span) -> Mask:

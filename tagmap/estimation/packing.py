@@ -20,8 +20,7 @@ from tagmap.estimation.kernels.forms import (
     STEREO_PX,
 )
 from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
-from tagmap.estimation.kernels.sightings import SCALE
-from tagmap.estimation.problem import Problem, Sightings, State
+from tagmap.estimation.problem import Odometry, Problem, Sightings, State
 from tagmap.geometry.camera import Camera
 from tagmap.geometry.stereo import StereoRig
 
@@ -63,13 +62,12 @@ def pack(problem: Problem) -> Packed:
     place[order] = np.arange(len(order))
     bounds = np.cumsum([0, *map(len, blocks)])
     planar = problem.kind == "planar"
-    slots = len(problem.scale_names)
     return Packed(
         sighted=_sighted(problem, order),
         rows=tuple(place[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)),
         steps=_steps(problem),
         first=np.searchsorted(pose[order], np.arange(problem.n_poses + 1)),
-        slot_column=np.tile(np.arange(slots), (problem.n_poses, 1)),
+        slot_column=_slots(problem),
         pose_pins=np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0]) if planar else np.zeros(6),
         tag_pins=np.array([0.0, 0.0, 1.0]) if planar else np.zeros(3),
         axes=_AXES[problem.kind],
@@ -79,6 +77,7 @@ def pack(problem: Problem) -> Packed:
 def empty(packed: Packed, n_tags: int, n_columns: int) -> Linear:
     """Room for one linearisation."""
     n, k, slots = len(packed.first) - 1, len(packed.sighted.tag), packed.slot_column.shape[1]
+    steps, own = packed.steps.columns.shape
     return Linear(
         first=packed.first,
         tag=packed.sighted.tag,
@@ -94,6 +93,9 @@ def empty(packed: Packed, n_tags: int, n_columns: int) -> Linear:
         tag_calibration=np.zeros((n_tags, 3, n_columns)),
         calibration=np.zeros((n_columns, n_columns)),
         calibration_gradient=np.zeros(n_columns),
+        step_column=packed.steps.columns,
+        step_calibration=np.zeros((steps, 6, own)),
+        step_corner=np.zeros((steps, own, own)),
     )
 
 
@@ -111,13 +113,13 @@ def tags_in_space(p: Array) -> Array:
     return np.ascontiguousarray(np.pad(p, ((0, 0), (0, 3 - p.shape[1]))), dtype=np.float64)
 
 
-def state_of(kind: Kind, T: Array, p: Array, scale: Array) -> State:
+def state_of(kind: Kind, T: Array, p: Array, calibration: Array) -> State:
     """Back to the kind of the problem."""
     if kind == "spatial":
-        return State(T, p, scale)
+        return State(T, p, calibration)
     flat = np.tile(np.eye(3), (len(T), 1, 1))
     flat[:, :2, :2], flat[:, :2, 2] = T[:, :2, :2], T[:, :2, 3]
-    return State(flat, p[:, :2].copy(), scale)
+    return State(flat, p[:, :2].copy(), calibration)
 
 
 def _joined(parts: Sequence[Index]) -> Index:
@@ -135,6 +137,7 @@ def _sighted(problem: Problem, order: Index) -> Sighted:
     mounts, mount = _mounts(blocks)
     each = np.repeat(np.arange(len(blocks)), sizes)[order]
     z = [np.pad(block.z, ((0, 0), (0, 4 - block.z.shape[1]))) for block in blocks]
+    kinds, columns = _unknowns(problem)
     return Sighted(
         form=np.array(forms, dtype=np.int64)[each],
         rig=each,
@@ -146,12 +149,60 @@ def _sighted(problem: Problem, order: Index) -> Sighted:
         z=np.concatenate([*z, np.zeros((0, 4))])[order],
         whiten=np.concatenate([*(_lower(b.whiten) for b in blocks), np.zeros((0, 10))])[order],
         unknowns=each,
-        kinds=np.full((len(blocks), int(bool(problem.scale_names))), SCALE),
-        columns=np.array([[b.scale] for b in blocks], dtype=np.int64).reshape(-1, 1)[
-            :, : int(bool(problem.scale_names))
-        ],
+        kinds=kinds,
+        columns=columns,
+        twist=_twists(problem)[order] if _delayed(problem) else np.zeros((0, 6)),
         c2=c2,
     )
+
+
+def _unknowns(problem: Problem) -> tuple[Index, Index]:
+    """Codes and places of the unknowns of each block of sightings, -1 behind the last."""
+    most = max((len(block.unknowns) for block in problem.sightings), default=0)
+    columns = np.full((len(problem.sightings), most), -1, dtype=np.int64)
+    for row, block in zip(columns, problem.sightings, strict=True):
+        row[: len(block.unknowns)] = block.unknowns
+    codes = np.array([unknown.code for unknown in problem.calibration] + [-1], dtype=np.int64)
+    return codes[columns], columns
+
+
+def _delayed(problem: Problem) -> bool:
+    return any(block.twist is not None for block in problem.sightings)
+
+
+def _twists(problem: Problem) -> Array:
+    """(K, 6) of all sightings, block by block."""
+    twists = np.zeros((problem.n_sightings, 6))
+    axes, start = _AXES[problem.kind], 0
+    for block in problem.sightings:
+        if block.twist is not None:
+            twists[start : start + len(block), axes] = block.twist
+        start += len(block)
+    return twists
+
+
+def _slots(problem: Problem) -> Index:
+    """(N, s): the unknowns that the chain of each pose depends on anywhere, ascending, then -1.
+
+    The same for all poses of a chain, as what is known of one is carried on to the next.
+    """
+    if not problem.calibration:
+        return np.zeros((problem.n_poses, 0), dtype=np.int64)
+    begins = np.ones(problem.n_poses, dtype=np.int64)
+    begins[problem.odometry.first + 1] = 0
+    chain = np.cumsum(begins) - 1
+    used = np.zeros((int(begins.sum()), len(problem.calibration)), dtype=bool)
+    for block in problem.sightings:
+        used[np.ix_(np.unique(chain[block.pose]), block.unknowns)] = True
+    if problem.odometry.unknowns is not None:
+        for columns in problem.odometry.unknowns.T:
+            has = columns >= 0
+            used[chain[problem.odometry.first[has]], columns[has]] = True
+    slots = np.full((len(used), int(used.sum(axis=1).max(initial=0))), -1, dtype=np.int64)
+    row, column = np.nonzero(used)
+    slots[row, np.arange(len(row)) - np.searchsorted(row, row)] = column
+    own: Index = slots[chain]
+    return own
 
 
 def _form(kind: Kind, form: Form) -> int:
@@ -207,4 +258,12 @@ def _steps(problem: Problem) -> Steps:
     T[odometry.first] = poses_in_space(odometry.T)
     whole = np.swapaxes(odometry.whiten, -1, -2) @ odometry.whiten
     information[odometry.first[:, None, None], axes[:, None], axes] = whole
-    return Steps(has, T, information)
+    return Steps(has, T, information, _step_columns(odometry, n))
+
+
+def _step_columns(odometry: Odometry, n: int) -> Index:
+    if odometry.unknowns is None:
+        return np.zeros((n, 0), dtype=np.int64)
+    columns = np.full((n, 2), -1, dtype=np.int64)
+    columns[odometry.first] = odometry.unknowns
+    return columns

@@ -66,10 +66,15 @@ class Pattern:
 
     @classmethod
     def of(
-        cls, first: Index, tag: Index, n_tags: int, condensed: Condensed | None = None
+        cls,
+        first: Index,
+        tag: Index,
+        n_tags: int,
+        slot_column: Index,
+        condensed: Condensed | None = None,
     ) -> "Pattern":
         bounds = np.zeros(len(first), dtype=np.int64)
-        n_segments = segments.cut(first, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
+        n_segments = segments.cut(first, slot_column, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
         bounds = bounds[: n_segments + 1]
         start, tags = np.zeros(n_segments + 1, dtype=np.int64), np.empty(len(tag), dtype=np.int64)
         n = segments.incidence(first, tag, bounds, n_tags, start, tags)
@@ -201,7 +206,13 @@ class Reduced:
     @cached_property
     def _pattern(self) -> Pattern:
         packed, problem = self._system.packed, self._system.problem
-        return Pattern.of(packed.first, packed.sighted.tag, problem.n_tags, problem.condensed)
+        return Pattern.of(
+            packed.first,
+            packed.sighted.tag,
+            problem.n_tags,
+            packed.slot_column,
+            problem.condensed,
+        )
 
     def _preconditioner(self, point: Point, damping: float) -> Precondition | None:
         linear, pattern = point.linear, self._pattern

@@ -18,7 +18,7 @@ class Residuals:
     sightings: tuple[Array, ...]
     odometry: Array
     surveyed: Array
-    scale: Array
+    calibration: Array
 
 
 @dataclass(frozen=True, slots=True)

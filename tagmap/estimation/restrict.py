@@ -25,10 +25,14 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
     )
 
 
-def without_scales(problem: Problem) -> Problem:
-    """The problem with every common scale taken as exactly 1."""
-    blocks = tuple(replace(block, scale=-1) for block in problem.sightings)
-    return replace(problem, sightings=blocks, scale_names=(), scale_sigma=np.zeros(0))
+def without_calibration(problem: Problem) -> Problem:
+    """The problem with every sensor taken to be as stated."""
+    return replace(
+        problem,
+        sightings=tuple(replace(block, unknowns=(), twist=None) for block in problem.sightings),
+        odometry=replace(problem.odometry, unknowns=None),
+        calibration=(),
+    )
 
 
 def without_surveys(problem: Problem) -> Problem:

@@ -12,7 +12,7 @@ from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.optimise import Optimum, Options, optimise
 from tagmap.estimation.points import Points, points_of
 from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.restrict import restrict, without_scales, without_surveys
+from tagmap.estimation.restrict import restrict, without_calibration, without_surveys
 from tagmap.estimation.revote import Votes, revoted
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import Start, start_from, start_with
@@ -63,14 +63,14 @@ def settle(stacked: Stacked, options: Options) -> Settled:
 
     Only the first few may move tags.
     """
-    votes = Votes.of(points_of(without_scales(stacked.problem)))
+    votes = Votes.of(points_of(without_calibration(stacked.problem)))
     start = start_from(stacked.problem, stacked.chain, votes.points)
-    scale = np.ones(len(stacked.problem.scale_names))
+    calibration = stacked.problem.prior_mean
     unanchored: Settled | None = None
     for count in itertools.count():
-        settled = _optimised(stacked, start, scale, options)
+        settled = _optimised(stacked, start, calibration, options)
         left = _still_determined(settled, votes.points)
-        scale = settled.optimum.state.scale
+        calibration = settled.optimum.state.calibration
         better = revoted(votes, left or _reached(settled)) if count < MOST_VOTES else None
         if better is not None:
             votes, left = better
@@ -82,12 +82,12 @@ def settle(stacked: Stacked, options: Options) -> Settled:
     return _with_marginals(replace(settled, unanchored=unanchored), options)
 
 
-def _optimised(stacked: Stacked, start: Start, scale: Array, options: Options) -> Settled:
+def _optimised(stacked: Stacked, start: Start, calibration: Array, options: Options) -> Settled:
     poses, tags = np.flatnonzero(start.placed), np.flatnonzero(start.mapped)
     problem = restrict(stacked.problem, poses, tags)
     if not start.anchored:
         problem = without_surveys(problem)
-    optimum = optimise(problem, State(start.T[poses], start.p[tags], scale), options)
+    optimum = optimise(problem, State(start.T[poses], start.p[tags], calibration), options)
     support = np.zeros(len(tags), dtype=np.int64)
     for block, w in zip(problem.sightings, optimum.weights.sightings, strict=True):
         support += np.bincount(block.tag[w >= INLIER_WEIGHT], minlength=len(tags))
@@ -146,5 +146,5 @@ def _with_marginals(settled: Settled, options: Options) -> Settled:
         nothing = replace(
             start, placed=np.zeros_like(start.placed), mapped=np.zeros_like(start.mapped)
         )
-        scale = np.ones_like(settled.optimum.state.scale)
-        return replace(_optimised(settled.stacked, nothing, scale, options), singular=True)
+        mean = settled.stacked.problem.prior_mean
+        return replace(_optimised(settled.stacked, nothing, mean, options), singular=True)

@@ -13,7 +13,7 @@ from tagmap.estimation.merge import MOST_BENT, LocalMap
 from tagmap.estimation.placing import Chain, Placed, component, determines_frame
 from tagmap.estimation.points import Points, TagFit, fit_tags, points_of
 from tagmap.estimation.problem import Problem
-from tagmap.estimation.restrict import without_scales, without_surveys
+from tagmap.estimation.restrict import without_calibration, without_surveys
 
 LEAST_SIGMA_M = 0.01
 LEAST_AGREEING = 2
@@ -38,12 +38,12 @@ class Start:
 
 def start_from_nothing(problem: Problem, chain: Index) -> Start:
     """`chain` (N,): the number of the odometry chain of each pose, ascending."""
-    return start_from(problem, chain, points_of(without_scales(problem)))
+    return start_from(problem, chain, points_of(without_calibration(problem)))
 
 
 def start_from(problem: Problem, chain: Index, points: Points) -> Start:
     """The same; `points` are those of all its sightings."""
-    robots = without_surveys(without_scales(problem))
+    robots = without_surveys(without_calibration(problem))
     chains = [
         _chain(points, poses, grow(robots, points, poses), problem.n_tags)
         for poses in _split(chain)
@@ -53,7 +53,7 @@ def start_from(problem: Problem, chain: Index, points: Points) -> Start:
 
 def start_at(problem: Problem, chain: Index, T: Array) -> Start:
     """What the factors of `problem` determine where the poses T (N, D, D) are already known."""
-    return start_with(problem, chain, T, points_of(without_scales(problem)))
+    return start_with(problem, chain, T, points_of(without_calibration(problem)))
 
 
 def start_with(problem: Problem, chain: Index, T: Array, points: Points) -> Start:

@@ -12,6 +12,7 @@ import numpy as np
 
 from tagmap.conventions import Array
 from tagmap.estimation import robust
+from tagmap.estimation.kernels import calibration as unknowns
 from tagmap.estimation.kernels import motion, sightings, steps
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
@@ -38,12 +39,12 @@ class Belief:
 
 @dataclass(frozen=True, slots=True)
 class Squares:
-    """Squared whitened residuals: of sightings (K,), steps (N - 1,), surveyed tags, scales."""
+    """Squared whitened residuals: of sightings (K,), steps (N - 1,), surveyed tags, priors."""
 
     sightings: Array
     steps: Array
     surveyed: Array
-    scale: Array
+    calibration: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ class System:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.packed = pack(problem)
-        self.n_columns = len(problem.scale_names)
+        self.n_columns = len(problem.calibration)
         self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
         self.condensed = None if problem.condensed is None else problem.condensed.information
         surveyed, d = problem.surveyed, problem.tag_dof
@@ -78,7 +79,7 @@ class System:
         self._surveyed_p = tags_in_space(surveyed.p)
 
     def values(self, state: State) -> Values:
-        return Values(poses_in_space(state.T), tags_in_space(state.p), state.scale.copy())
+        return Values(poses_in_space(state.T), tags_in_space(state.p), state.calibration.copy())
 
     def state(self, values: Values) -> State:
         return state_of(self.problem.kind, values.T, values.p, values.calibration)
@@ -104,7 +105,7 @@ class System:
         """Squared residuals by block."""
         by_block = tuple(squares.sightings[rows] for rows in self.packed.rows)
         steps_ = squares.steps[self.problem.odometry.first]
-        return Residuals(by_block, steps_, squares.surveyed, squares.scale)
+        return Residuals(by_block, steps_, squares.surveyed, squares.calibration)
 
     def certain(self) -> Belief:
         """Everything is believed."""
@@ -132,23 +133,33 @@ class System:
         )
         steps.gather_sightings(linear)
         step_r2 = np.zeros(len(self.packed.steps.has))
-        rest = steps.linearise_steps(
-            self.packed.steps, values.T, np.ones_like(step_r2), step_r2, linear
-        )
+        rest = self._add_steps(linear, values, step_r2)
         if self.packed.pose_pins.any():
             linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
         own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
-        scale_r2 = self._add_calibration_prior(linear, values)
-        rest += float(scale_r2.sum()) + self._add_condensed(linear, values)
+        prior_r2 = self._add_calibration_prior(linear, values)
+        rest += float(prior_r2.sum()) + self._add_condensed(linear, values)
         return Point(
             values,
             linear,
             own,
-            Squares(r2, step_r2, surveyed_r2, scale_r2),
+            Squares(r2, step_r2, surveyed_r2, prior_r2),
             Belief(w, surveyed_w),
             asked + rest + float(belief.surveyed @ surveyed_r2),
             cost + rest + float(surveyed_w @ surveyed_r2),
         )
+
+    def _add_steps(self, linear: Linear, values: Values, r2: Array) -> float:
+        """Odometry, with what it says of its own scales where they are unknowns."""
+        measured = self.packed.steps
+        if not measured.columns.shape[1]:
+            return steps.linearise_steps(measured, values.T, np.ones_like(r2), r2, linear)
+        T = np.empty_like(measured.T)
+        unknowns.corrected_steps(measured, values.calibration, T)
+        corrected = measured._replace(T=T)
+        cost = steps.linearise_steps(corrected, values.T, np.ones_like(r2), r2, linear)
+        unknowns.add_steps(measured, T, values.T, values.calibration, linear)
+        return cost
 
     def _add_surveys(
         self, linear: Linear, values: Values, old: Array, mu: float
@@ -189,8 +200,8 @@ class System:
         return float(condensed.cost + quadratic + 2.0 * along)
 
     def _add_calibration_prior(self, linear: Linear, values: Values) -> Array:
-        information = self.problem.scale_sigma**-2.0
-        offset = values.calibration - 1.0
+        information = self.problem.prior_sigma**-2.0
+        offset = values.calibration - self.problem.prior_mean
         linear.calibration[range(self.n_columns), range(self.n_columns)] += information
         linear.calibration_gradient[:] += information * offset
         r2: Array = information * offset**2

@@ -44,8 +44,6 @@ def problem_of(graph: Graph) -> Posed:
         odometry=_odometry(graph, chains),
         sightings=(_sightings(graph, pose, tag),),
         surveyed=Surveyed(empty(), np.zeros((0, d)), np.zeros((0, d, d))),
-        scale_names=(),
-        scale_sigma=np.zeros(0),
     )
     given = None
     if graph.poses is not None and graph.tags is not None:
@@ -171,7 +169,6 @@ def _sightings(graph: Graph, pose: Index, tag: Index) -> Sightings:
         z=points.p_cam[order],
         whiten=lower_root(points.information[order]),
         T_cam_base=T_cam_base[points.offset[order]],
-        scale=-1,
     )
 
 

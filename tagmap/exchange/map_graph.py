@@ -10,14 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
-from tagmap.estimation.stack import SCALED_FORMS
+from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Form, Index, Kind
 from tagmap.exchange.graph import Fixed, Graph, PointEdges, StepEdges, Vertices
 from tagmap.exchange.graph_numbers import inverse
 from tagmap.geometry import measurement, se2, se3
 from tagmap.geometry.covariance import unpack_upper
 from tagmap.records import Hello, Keyframe, Sighting, Tag
 from tagmap.records import arrays as convert
+
+SCALES: dict[Form, str] = {"range_bearing": "range", "point_cam_m": "range", "stereo_px": "stereo"}
+"""Which of the scales that a site shares a form has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +152,7 @@ def _points(
 
 def _scale(hello: Hello, sighting: Sighting, scale: Mapping[str, float]) -> float:
     """By how much the robot's sensor stretches what it sees, as the map has found."""
-    name = SCALED_FORMS.get(sighting.z.form)
+    name = SCALES.get(sighting.z.form)
     sigma = {"range": hello.range_scale_sigma, "stereo": hello.stereo_scale_sigma}
     if name is None or sigma[name] is None:
         return 1.0

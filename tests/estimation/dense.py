@@ -1,6 +1,6 @@
 """The joint problem once more, plainly: all unknowns in one vector, Jacobians by differences.
 
-Unknowns are ordered poses, tags, scales; nothing is eliminated, nothing is sparse.
+Unknowns are ordered poses, tags, calibration; nothing is eliminated, nothing is sparse.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from tagmap.estimation.system import Point, System
 from tests.estimation.factors import (
     condensed_residual,
     odometry_residual,
-    scale_residual,
+    prior_residual,
     sighting_residual,
     surveyed_residual,
 )
@@ -30,25 +30,24 @@ def moved(problem: Problem, state: State, delta: Array) -> State:
     """The real update, by one vector."""
     split = problem.n_poses * problem.pose_dof
     poses = delta[:split].reshape(problem.n_poses, problem.pose_dof)
-    tags, scales = np.split(delta[split:], [problem.n_tags * problem.tag_dof])
+    tags, calibration = np.split(delta[split:], [problem.n_tags * problem.tag_dof])
     return State(
         T=state.T @ lie(problem.kind).exp(poses),
         p=state.p + tags.reshape(state.p.shape),
-        scale=state.scale + scales,
+        calibration=state.calibration + calibration,
     )
 
 
 def residual(problem: Problem, state: State, weights: Weights) -> Array:
     """All residuals times the roots of their weights; those of weight zero do not count."""
-    kind = problem.kind
     parts = []
     for block, w in zip(problem.sightings, weights.sightings, strict=True):
         used = np.flatnonzero(w > 0.0)
-        r = sighting_residual(kind, block.take(used), state)
+        r = sighting_residual(problem, block.take(used), state)
         parts.append(r * np.sqrt(w[used])[:, None])
-    parts.append(odometry_residual(kind, problem.odometry, state) * _root(weights.odometry))
+    parts.append(odometry_residual(problem, state) * _root(weights.odometry))
     parts.append(surveyed_residual(problem.surveyed, state) * _root(weights.surveyed))
-    parts.append(scale_residual(problem, state))
+    parts.append(prior_residual(problem, state))
     parts.append(condensed_residual(problem, state))
     return np.concatenate([part.ravel() for part in parts])
 
@@ -78,7 +77,7 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
     """The structured normal equations as one matrix and one vector, poses in their own axes."""
     linear, axes, d = point.linear, system.packed.axes, system.problem.tag_dof
     n, m, q = len(linear.diagonal), len(linear.tag_diagonal), len(linear.calibration)
-    tags, scales = 6 * n + 3 * np.arange(m), 6 * n + 3 * m + np.arange(q)
+    tags, unknowns = 6 * n + 3 * np.arange(m), 6 * n + 3 * m + np.arange(q)
     H = np.zeros((6 * n + 3 * m + q,) * 2)
     for i in range(n):
         rows = slice(6 * i, 6 * i + 6)
@@ -93,13 +92,17 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
             by_pose = np.vstack([-W, -se3_hat(linear.seen[k, 6:]) @ W])
             H[rows, at : at + 3] += by_pose
             H[at : at + 3, rows] += by_pose.T
-        H[rows, scales] += linear.pose_calibration[i]
-        H[scales, rows] += linear.pose_calibration[i].T
+        for column, coupling in zip(
+            linear.slot_column[i], linear.pose_calibration[i].T, strict=True
+        ):
+            if column >= 0:
+                H[rows, unknowns[column]] += coupling
+                H[unknowns[column], rows] += coupling
     for t, at in enumerate(tags):
         H[at : at + 3, at : at + 3] = linear.tag_diagonal[t]
-        H[at : at + 3, scales] = linear.tag_calibration[t]
-        H[scales, at : at + 3] = linear.tag_calibration[t].T
-    H[np.ix_(scales, scales)] = linear.calibration
+        H[at : at + 3, unknowns] = linear.tag_calibration[t]
+        H[unknowns, at : at + 3] = linear.tag_calibration[t].T
+    H[np.ix_(unknowns, unknowns)] = linear.calibration
     if system.condensed is not None:
         between = system.condensed.toarray().reshape(m, 3, m, 3)
         between[np.arange(m), :, np.arange(m), :] = 0.0
@@ -116,7 +119,7 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
         [
             (6 * np.arange(n)[:, None] + axes).ravel(),
             (tags[:, None] + np.arange(d)).ravel(),
-            scales,
+            unknowns,
         ]
     )
     return (to_map.T @ H @ to_map)[np.ix_(kept, kept)], (to_map.T @ g)[kept]
@@ -144,7 +147,7 @@ def frame_motions(problem: Problem, state: State) -> Array:
         ahead, behind = group.exp(STEP * unit), group.exp(-STEP * unit)
         pose = group.log(group.inverse(behind @ state.T) @ (ahead @ state.T))
         tag = group.act(ahead, state.p) - group.act(behind, state.p)
-        still = np.zeros(len(problem.scale_names))
+        still = np.zeros(len(problem.calibration))
         columns.append(np.concatenate([pose.ravel(), tag.ravel(), still]) / (2.0 * STEP))
     motions, _ = np.linalg.qr(np.stack(columns, axis=1))
     return motions
@@ -170,11 +173,6 @@ def covariance(problem: Problem, state: State, weights: Weights) -> Array:
     S = np.eye(len(H)) - motions @ np.linalg.solve(tags.T @ motions, tags.T)
     cov: Array = S @ inverse @ S.T
     return cov
-
-
-def at(problem: Problem, T: Array, p: Array) -> State:
-    """A state with all scales at 1."""
-    return State(T, p, np.ones(len(problem.scale_names)))
 
 
 def halved(weights: Weights) -> Weights:

@@ -71,7 +71,7 @@ def test_condensed_information_is_the_dense_schur_complement(
     H, _ = dense.normal_equations(robots, optimum.state, Weights.ones(robots))
     split = problem.n_poses * problem.pose_dof
     H[split + problem.n_tags * problem.tag_dof :, split + problem.n_tags * problem.tag_dof :] -= (
-        np.diag(problem.scale_sigma**-2.0)
+        np.diag(problem.prior_sigma**-2.0)
     )
     schur = H[split:, split:] - H[split:, :split] @ np.linalg.solve(H[:split, :split], H[:split, split:])
     d, m = problem.tag_dof, problem.n_tags

@@ -46,7 +46,7 @@ def test_parts_are_the_whole(kind: Kind, surveyed: bool) -> None:
     if surveyed:
         np.testing.assert_allclose(joined.state.p, single.state.p, atol=1e-6)
         np.testing.assert_allclose(joined.state.T, single.state.T, atol=1e-6)
-    np.testing.assert_allclose(joined.state.scale, single.state.scale, atol=1e-7)
+    np.testing.assert_allclose(joined.state.calibration, single.state.calibration, atol=1e-7)
 
 
 def test_any_executor_does(executor: Executor) -> None:

@@ -45,7 +45,7 @@ def _disturbed(problem: Problem, state: State) -> State:
 def _with_condensed(problem: Problem) -> Problem:
     """Some positive definite knowledge of all tags and calibration, not about where they are."""
     rng = np.random.default_rng(6)
-    d, m, q = problem.tag_dof, problem.n_tags, len(problem.scale_names)
+    d, m, q = problem.tag_dof, problem.n_tags, len(problem.calibration)
     kept = (3 * np.arange(m)[:, None] + np.arange(d)).ravel()
     H = np.zeros((3 * m + q, 3 * m + q))
     known = np.concatenate([kept, 3 * m + np.arange(q)])
@@ -97,7 +97,7 @@ def test_normal_equations_are_the_dense_ones(problem_and_start: tuple[Problem, S
 def test_every_form_is_the_dense_one(kind: Kind, form: Form, scaled: bool) -> None:
     stacked, truth = small(kind, (form,), scaled=scaled)
     (block,) = stacked.problem.sightings
-    assert (block.scale >= 0) == (scaled and form != "mono_px")
+    assert bool(block.unknowns) == (scaled and form != "mono_px")
     _is_the_dense_one(stacked.problem, truth, Weights.ones(stacked.problem))
 
 
@@ -116,7 +116,7 @@ def test_odometry_far_from_met_is_the_dense_one(kind: Kind, turn_rad: float) -> 
 
 def test_at_truth_cost_and_gradient_are_zero(kind: Kind) -> None:
     stacked, truth = small(kind, surveyed=True, scaled=True)
-    truth = replace(truth, scale=np.ones_like(truth.scale))
+    truth = replace(truth, calibration=np.ones_like(truth.calibration))
     problem = exact(stacked.problem, truth)
     _, point = _point(problem, truth, Weights.ones(problem))
     stiffness = point.linear.diagonal.max()
@@ -207,7 +207,7 @@ def test_optimum_is_the_dense_optimum(problem_and_start: tuple[Problem, State]) 
     expected = dense.gauss_newton(problem, optimum.state, optimum.weights)
     np.testing.assert_allclose(optimum.state.p, expected.p, atol=1e-6)
     np.testing.assert_allclose(optimum.state.T, expected.T, atol=1e-6)
-    np.testing.assert_allclose(optimum.state.scale, expected.scale, atol=1e-7)
+    np.testing.assert_allclose(optimum.state.calibration, expected.calibration, atol=1e-7)
 
 
 def test_covariances_are_the_dense_ones(problem_and_start: tuple[Problem, State]) -> None:
@@ -225,7 +225,8 @@ def test_covariances_are_the_dense_ones(problem_and_start: tuple[Problem, State]
     both = np.array([1, 4])
     rows = (first + both[:, None] * d + np.arange(d)).ravel()
     _same(marginals.joint(both), cov[np.ix_(rows, rows)])
-    _same(marginals.scales(), np.diag(cov)[first + problem.n_tags * d :])
+    calibration = slice(first + problem.n_tags * d, None)
+    _same(marginals.calibration(), cov[calibration, calibration])
 
 
 def _same(found: Array, expected: Array) -> None:

@@ -77,8 +77,6 @@ def make(size: Size, seed: int = 0) -> World:
             p_map[surveyed] + SIGMA_SURVEY_M * rng.standard_normal((N_SURVEYED, 3)),
             np.tile(np.eye(3) / SIGMA_SURVEY_M, (N_SURVEYED, 1, 1)),
         ),
-        scale_names=(),
-        scale_sigma=np.zeros(0),
     )
     return World(problem, State(T, p_map, np.zeros(0)), chain)
 
@@ -171,7 +169,6 @@ def _sightings(rng: np.random.Generator, T: Array, p_map: Array) -> Sightings:
         z=z,
         whiten=np.broadcast_to(np.eye(4) / SIGMA_PX, (n, 4, 4)),
         T_cam_base=np.broadcast_to(se3.inverse(T_BASE_CAM), (n, 4, 4)),
-        scale=-1,
     )
 
 

@@ -97,6 +97,12 @@ def whitened(w: Array, k: int, x: Four) -> Four:
 
 
 @compiled
+def inner(a: Four, b: Four) -> float:
+    """a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+
+
+@compiled
 def columns(a: V, b: V, c: V, d: V, R: M) -> tuple[Four, Four, Four]:
     """The columns of the matrix of rows a, b, c, d, times R."""
     a, b = transposed_times(R, a), transposed_times(R, b)

@@ -20,7 +20,9 @@ class Sighted(NamedTuple):
     (U, 4, 4), which row of the calibration unknowns; pose, tag (K,); z (K, 4);
     whiten (K, 10): lower triangle, row by row.
     kinds, columns (u, q): what the calibration unknowns of one row are, and their places among those
-    of the problem, -1 behind the last. c2 (forms,): bound of the robust cost.
+    of the problem, -1 behind the last; q is 0 where the problem has none. twist (K, 6): motion of
+    base per second, in its own axes; empty where no time offset is an unknown.
+    c2 (forms,): bound of the robust cost.
     """
 
     form: Index
@@ -35,18 +37,21 @@ class Sighted(NamedTuple):
     unknowns: Index
     kinds: Index
     columns: Index
+    twist: Array
     c2: Array
 
 
 class Steps(NamedTuple):
     """Odometry between poses i and i + 1 (N - 1,): `has` is 0 or 1; T (N - 1, 4, 4).
 
-    information (N - 1, 6, 6).
+    information (N - 1, 6, 6). columns (N - 1, 2): places of odometry scale and wheel base among the
+    calibration unknowns, -1 for none; (N - 1, 0) where no step has any.
     """
 
     has: Index
     T: Array
     information: Array
+    columns: Index
 
 
 class Linear(NamedTuple):
@@ -59,6 +64,9 @@ class Linear(NamedTuple):
     pose_calibration (N, 6, s), slot_column (N, s): coupling of a pose with calibration unknowns,
     of which a pose has room for s, and which these are, -1 for none
     tag_calibration (M, 3, Q), calibration (Q, Q), calibration_gradient (Q,)
+    step_column (N - 1, 2), step_calibration (N - 1, 6, 2), step_corner (N - 1, 2, 2): what each
+    step's own unknowns are (as in Steps), their coupling with pose i + 1 and with each other, which
+    are in the sums above already; (N - 1, 0), ... where no step has any
     """
 
     first: Index
@@ -75,3 +83,6 @@ class Linear(NamedTuple):
     tag_calibration: Array
     calibration: Array
     calibration_gradient: Array
+    step_column: Index
+    step_calibration: Array
+    step_corner: Array

@@ -3,7 +3,7 @@
 import math
 
 from tagmap.conventions import Array
-from tagmap.estimation.kernels.small import M, V, add, cross
+from tagmap.estimation.kernels.small import M, V, add, cross, product
 from tagmap.geometry.kernels.compiled import compiled
 
 _SMALL = 1e-3
@@ -125,6 +125,59 @@ def inverse_right_jacobian(v: V, w: V) -> tuple[M, M]:
         off + 2.0 * c * v[2] * z + s * z * z,
     )
     return A, B
+
+
+@compiled
+def exponential(v: V, w: V) -> tuple[M, V]:
+    """[R, t] of the tangent (v, omega)."""
+    x, y, z = w
+    square = x * x + y * y + z * z
+    c, r = _cosine_quotient(square), _sine_remainder(square)
+    s, one = 1.0 - square * r, 1.0 - c * square
+    R = (
+        one + c * x * x,
+        c * x * y - s * z,
+        c * x * z + s * y,
+        c * x * y + s * z,
+        one + c * y * y,
+        c * y * z - s * x,
+        c * x * z - s * y,
+        c * y * z + s * x,
+        one + c * z * z,
+    )
+    a = cross(w, v)
+    b = cross(w, a)
+    return R, (
+        v[0] + c * a[0] + r * b[0],
+        v[1] + c * a[1] + r * b[1],
+        v[2] + c * a[2] + r * b[2],
+    )
+
+
+@compiled
+def right_jacobian(v: V, w: V) -> tuple[M, M]:
+    """Its blocks A, B of [[A, B], [0, A]], at the tangent (v, w): the inverse of the one above.
+
+    [[A, B], [0, A]]^-1 has the blocks A^-1 and -A^-1 B A^-1.
+    """
+    _, B = inverse_right_jacobian(v, w)
+    x, y, z = w
+    square = x * x + y * y + z * z
+    c, r = _cosine_quotient(square), _sine_remainder(square)
+    one = 1.0 - r * square
+    J = (
+        one + r * x * x,
+        r * x * y + c * z,
+        r * x * z - c * y,
+        r * x * y - c * z,
+        one + r * y * y,
+        r * y * z + c * x,
+        r * x * z + c * y,
+        r * y * z - c * x,
+        one + r * z * z,
+    )
+    K = product(J, product(B, J))
+    return J, (-K[0], -K[1], -K[2], -K[3], -K[4], -K[5], -K[6], -K[7], -K[8])
 
 
 @compiled

@@ -79,11 +79,14 @@ def reduce(
             return FULL_PAIRS
         column = linear.slot_column[begin]
         for s in range(slots):
+            if column[s] < 0:
+                continue
             for n in range(m):
                 for a in range(3):
                     with_calibration[own[n], a, column[s]] -= local[slots + 3 * n + a, s]
             for r in range(slots):
-                calibration[column[s], column[r]] -= local[max(s, r), min(s, r)]
+                if column[r] >= 0:
+                    calibration[column[s], column[r]] -= local[max(s, r), min(s, r)]
         kept = 0
         for n in range(m):
             t, strength = own[n], 0.0

@@ -3,12 +3,13 @@
 import numpy as np
 
 from tagmap.conventions import Array, Index
+from tagmap.estimation.kernels.calibration import slot_of
 from tagmap.estimation.kernels.chain import invert
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.kernels.motion import position_of
 from tagmap.estimation.kernels.small import (
     V,
-    difference_of,
+    cross,
     full,
     hat_times,
     subtract,
@@ -22,15 +23,27 @@ _REGULAR = 1e-9
 
 
 @compiled
-def cut(first: Index, sightings: int, poses: int, bounds: Index) -> int:
-    """Bounds (G + 1,) of segments that end after so many sightings or poses; returns G."""
+def cut(first: Index, slot_column: Index, sightings: int, poses: int, bounds: Index) -> int:
+    """Bounds (G + 1,) of segments that end after so many sightings or poses; returns G.
+
+    All poses of a segment have the same slots.
+    """
     n, begin = 0, 0
     bounds[0] = 0
     for i in range(1, len(first)):
-        if first[i] - first[begin] >= sightings or i - begin >= poses or i == len(first) - 1:
+        full = first[i] - first[begin] >= sightings or i - begin >= poses
+        if full or i == len(first) - 1 or _differs(slot_column[i], slot_column[i - 1]):
             n += 1
             bounds[n] = begin = i
     return n
+
+
+@compiled
+def _differs(a: Index, b: Index) -> bool:
+    for s in range(len(a)):
+        if a[s] != b[s]:
+            return True
+    return False
 
 
 @compiled
@@ -124,6 +137,12 @@ def eliminate(
                     Y[a, b] = 0.0
                 for s in range(slots):
                     Y[a, s] = linear.pose_calibration[i, a, s]
+            if linear.step_column.shape[1] > 0:
+                if i == begin and i > 0:
+                    _without_calibration_before(linear, i, Y, calibration)
+                if i == end - 1 and i + 1 < n_poses:
+                    q = subtract(position_of(T[i + 1]), position_of(T[i]))
+                    _without_calibration_after(linear, i, q, Y)
             for k in range(linear.first[i], linear.first[i + 1]):
                 add_coupling(linear.seen, k, slots + local_of[linear.tag[k]] * 3, Y)
             if i > begin:
@@ -242,6 +261,35 @@ def _without_link_after(following: Array, q: V, S: Array) -> None:
             for b in range(3):
                 S[a, column + b] += top[3 * a + b]
                 S[3 + a, column + b] += low[3 * a + b]
+
+
+@compiled
+def _without_calibration_before(linear: Linear, i: int, Y: Array, calibration: Array) -> None:
+    """Take what the step to pose i says of its own unknowns out of Y, and out of these."""
+    columns = linear.step_column[i - 1]
+    for u in range(2):
+        if columns[u] < 0:
+            continue
+        slot = slot_of(linear, i, columns[u])
+        for a in range(6):
+            Y[a, slot] -= linear.step_calibration[i - 1, a, u]
+        for v in range(2):
+            if columns[v] >= 0:
+                calibration[columns[u], columns[v]] -= linear.step_corner[i - 1, u, v]
+
+
+@compiled
+def _without_calibration_after(linear: Linear, i: int, q: V, Y: Array) -> None:
+    """Take what the step from pose i says of its own unknowns out of Y."""
+    for u in range(2):
+        column = linear.step_column[i, u]
+        if column < 0:
+            continue
+        slot, h = slot_of(linear, i, column), linear.step_calibration[i, :, u]
+        turned = cross(q, (h[0], h[1], h[2]))
+        for a in range(3):
+            Y[a, slot] += h[a]
+            Y[3 + a, slot] += h[3 + a] + turned[a]
 
 
 @compiled
