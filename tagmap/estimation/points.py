@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tagmap.conventions import Array, Index, Mask
+from tagmap.conventions import Array, Index, Kind, Mask
 from tagmap.estimation.kernels import tag_fit
 from tagmap.estimation.packing import poses_in_space
 from tagmap.estimation.problem import lie
 from tagmap.estimation.problem import Problem, Sightings
+from tagmap.estimation.unknowns import CAMERA, UnknownName
 from tagmap.geometry import camera, measurement, se2, se3
 
 ROBUST_ROUNDS = 10
@@ -51,11 +52,16 @@ class Points:
 _FIELDS = ("pose", "tag", "p_base", "information", "row")
 
 
-def points_of(problem: Problem) -> Points:
-    """Points of all sightings that give one, ascending by pose; a negative disparity gives none."""
+def points_of(problem: Problem, calibration: Array | None = None) -> Points:
+    """Points of all sightings that give one, ascending by pose; a negative disparity gives none.
+
+    calibration (Q,): values of the problem's unknowns; without them sensors are as stated.
+    """
     parts, n = [], 0
     for block in problem.sightings:
-        part = _points_of_block(problem, block)
+        part = _points_of_block(problem, block, {} if calibration is None else {
+            problem.calibration[u].name: float(calibration[u]) for u in block.unknowns
+        })
         parts.append(replace(part, row=part.row + n))
         n += len(block)
     parts = [part for part in parts if len(part.pose)]
@@ -67,19 +73,37 @@ def points_of(problem: Problem) -> Points:
     return together.take(np.argsort(together.pose, kind="stable"))
 
 
-def _points_of_block(problem: Problem, block: Sightings) -> Points:
+def _points_of_block(
+    problem: Problem, block: Sightings, sensor: dict[UnknownName, float]
+) -> Points:
     L = np.asarray(np.linalg.inv(block.whiten), dtype=np.float64)
     cov = L @ np.swapaxes(L, -1, -2)
-    given = measurement.to_point(block.form, problem.kind, block.z, cov, block.rig)
+    z = block.z.copy()
+    if block.form == "stereo_px":
+        z[:, 2] += sensor.get("disparity_px", 0.0)
+    given = measurement.to_point(block.form, problem.kind, z, cov, block.rig)
     p_cam, information = _directions(block) if given is None else _informed(*given)
     d = problem.tag_dof
-    T_base_cam = lie(problem.kind).inverse(block.T_cam_base)
+    T_base_cam = _mounts(problem.kind, block, sensor)
     R = T_base_cam[:, :d, :d]
-    p_base = lie(problem.kind).act(T_base_cam, p_cam)
-    information = R @ information @ np.swapaxes(R, -1, -2)
+    scale = sensor.get("range_scale", 1.0) * sensor.get("stereo_scale", 1.0)
+    p_base = lie(problem.kind).act(T_base_cam, p_cam / scale)
+    information = R @ (scale**2 * information) @ np.swapaxes(R, -1, -2)
     good = np.isfinite(p_base.sum(axis=1) + information.sum(axis=(1, 2)))
     every = np.arange(len(block))
     return Points(block.pose, block.tag, p_base, information, every).take(np.flatnonzero(good))
+
+
+def _mounts(kind: Kind, block: Sightings, sensor: dict[UnknownName, float]) -> Array:
+    """T_base_cam (K, D, D): base at the time stamp, the camera where it is when it exposes."""
+    group = lie(kind)
+    T_base_cam: Array = group.inverse(block.T_cam_base)
+    if any(name.startswith("camera") for name in sensor):
+        offset = [sensor.get(name, 0.0) for part in CAMERA[kind] for name in part]
+        T_base_cam = T_base_cam @ group.exp(np.array(offset))
+    if block.twist is not None and "time_offset_s" in sensor:
+        T_base_cam = group.exp(sensor["time_offset_s"] * block.twist) @ T_base_cam
+    return T_base_cam
 
 
 def _informed(p_cam: Array, cov: Array) -> tuple[Array, Array]:

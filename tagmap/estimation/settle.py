@@ -63,14 +63,17 @@ def settle(stacked: Stacked, options: Options) -> Settled:
 
     Only the first few may move tags.
     """
-    votes = Votes.of(points_of(without_calibration(stacked.problem)))
-    start = start_from(stacked.problem, stacked.chain, votes.points)
+    points = points_of(without_calibration(stacked.problem))
+    votes = Votes.of(stacked.problem, points)
+    start = start_from(stacked.problem, stacked.chain, points)
     calibration = stacked.problem.prior_mean
     unanchored: Settled | None = None
     for count in itertools.count():
         settled = _optimised(stacked, start, calibration, options)
-        left = _still_determined(settled, votes.points)
+        left = _still_determined(settled, points)
         calibration = settled.optimum.state.calibration
+        if len(calibration):
+            votes = votes.at(points_of(stacked.problem, calibration))
         better = revoted(votes, left or _reached(settled)) if count < MOST_VOTES else None
         if better is not None:
             votes, left = better
