@@ -7,7 +7,7 @@ import numpy as np
 from tagmap.conventions import Array
 from tagmap.estimation import robust
 from tagmap.estimation.gauge import free_directions
-from tagmap.estimation.kernels.sightings import KEEP
+from tagmap.estimation.kernels.sightings import KEEP, PLAIN
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.reduced import Precondition, Reduced, Step
 from tagmap.estimation.residuals import Residuals, Weights
@@ -37,7 +37,7 @@ class Options:
     mu_step: float = 4.0
     max_regroupings: int = 20
     robust: bool = True
-    renewals: int = 2
+    renewals: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class Optimiser:
         self._reduced = Reduced(self._system)
         self._reduced.precondition = precondition
         self._damping = DAMPING_FIRST
-        self._mu = KEEP
+        self._mu = KEEP if options.robust else PLAIN
         self._regroupings = 0
         self._renewals = 0
         self._products = 0
@@ -88,8 +88,12 @@ class Optimiser:
             self._system.residuals(point.squares),
             point.cost,
             iterations,
-            settled,
+            settled and not self._lacks(point),
         )
+
+    def _lacks(self, point: Point) -> bool:
+        """Whether least squares ended without some of its sightings: tags behind their cameras."""
+        return self._mu == PLAIN and not point.belief.sightings.all()
 
     @property
     def precondition(self) -> Precondition | None:
@@ -108,7 +112,7 @@ class Optimiser:
 
     @property
     def _sharp(self) -> bool:
-        return self._mu == KEEP or self._mu >= robust.SHARPEST
+        return self._mu < 0.0 or self._mu >= robust.SHARPEST
 
     def _kernel_mu(self) -> float:
         """To kernels the sharpest weights are 0 or 1."""
@@ -143,13 +147,13 @@ class Optimiser:
         return self._reduced.prepare(point, self._damping, renew, gauge)
 
     def _try(self, point: Point, step: Step) -> Point:
-        if step.predicted <= SHARPEN_BELOW * point.cost and self._mu != KEEP:
+        if step.predicted <= SHARPEN_BELOW * point.cost and self._mu > 0.0:
             self._mu = min(self._mu * self._options.mu_step, robust.SHARPEST)
         values = self._system.moved(point.values, step.poses, step.tags, step.calibration)
         return self._system.at(values, point.belief, self._kernel_mu())
 
     def _count_regrouping(self, point: Point, trial: Point) -> None:
-        if self._mu == KEEP or not self._sharp:
+        if self._mu < 0.0 or not self._sharp:
             return
         self._regroupings += not _same(point.belief, trial.belief)
         if self._regroupings >= self._options.max_regroupings:
@@ -160,4 +164,5 @@ class Optimiser:
 
 
 def _same(a: Belief, b: Belief) -> bool:
-    return np.array_equal(a.sightings, b.sightings) and np.array_equal(a.surveyed, b.surveyed)
+    pairs = (a.sightings, b.sightings), (a.surveyed, b.surveyed), (a.steps, b.steps)
+    return all(np.array_equal(x, y) for x, y in pairs)

@@ -126,7 +126,8 @@ class Reduced:
         self._linear, self._gauge = linear, gauge
         self._own = point.own + _damped(linear.tag_diagonal, damping)
         self._calibration = linear.calibration + _damped(linear.calibration, damping)
-        if renew or self.precondition is None:
+        self._fresh = renew or self.precondition is None
+        if self._fresh:
             precondition = self._preconditioner(point, damping)
             if precondition is None:
                 return False
@@ -141,7 +142,12 @@ class Reduced:
         return True
 
     def bound(self) -> float:
-        """The cost cannot fall by more: the preconditioner knows less than S, so z' r >= x' r."""
+        """The cost cannot fall by more: the preconditioner knows less than S, so z' r >= x' r.
+
+        Infinite where the preconditioner is that of another point.
+        """
+        if not self._fresh:
+            return np.inf
         of_poses = -float(np.vdot(self._poses, self._linear.pose_gradient))
         return of_poses + float(self._rhs @ self._preconditioned(self._rhs))
 

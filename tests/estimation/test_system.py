@@ -257,6 +257,24 @@ def test_what_nothing_measures_stays_where_it_is(kind: Kind) -> None:
     assert not step.tags[1].any()
 
 
+def test_a_tag_that_was_behind_the_camera_comes_back() -> None:
+    """Least squares leaves out what cannot be measured only as long as it cannot."""
+    stacked, truth = small("spatial", ("stereo_px", "point_cam_m"), surveyed=True, n=20)
+    expected = optimise(stacked.problem, truth, Options(robust=False))
+    start = replace(truth, p=truth.p - [0.0, 0.0, 12.0] * (np.arange(6) == 1)[:, None])
+    _, point = _point(stacked.problem, start, Weights.ones(stacked.problem))
+    assert not point.belief.sightings.all()
+    found = optimise(stacked.problem, start, Options(robust=False))
+    assert found.converged
+    assert found.cost == pytest.approx(expected.cost, rel=1e-9)
+
+
+def test_least_squares_without_all_its_sightings_has_not_converged() -> None:
+    stacked, truth = small("spatial", ("stereo_px",), surveyed=True)
+    start = replace(truth, p=truth.p - [0.0, 0.0, 50.0])
+    assert not optimise(stacked.problem, start, Options(robust=False)).converged
+
+
 def test_nothing_to_solve_for(kind: Kind) -> None:
     """No pose, or no tag."""
     stacked, truth = small(kind, n=4)

@@ -24,7 +24,7 @@ from tagmap.estimation.kernels.small import (
 )
 from tagmap.geometry.kernels.compiled import compiled
 
-KEEP, CUT = -1.0, math.inf
+PLAIN, KEEP, CUT = -2.0, -1.0, math.inf
 
 
 @compiled
@@ -41,7 +41,8 @@ def linearise_sightings(
 ) -> tuple[float, float]:
     """Fill seen and gradient at the new weights; return the cost at the old and at the new.
 
-    calibration (Q,): values of the unknowns. mu: KEEP leaves the weights as they are; else those of
+    calibration (Q,): values of the unknowns. mu: KEEP leaves the weights as they are, PLAIN
+    makes them 1 where the tag can be measured, else they are those of
     graduated truncated least squares, CUT being 0 or 1. weight, new_weight, r2 (K,).
     """
     seen, gradient = linear.seen, linear.gradient
@@ -72,7 +73,9 @@ def linearise_sightings(
         r2[k] = square
         if weight[k] > 0.0:
             cost += weight[k] * square
-        w = weight[k] if mu < 0.0 else truncated(square, sighted.c2[form], mu)
+        w = 1.0 if mu == PLAIN else weight[k]
+        if mu >= 0.0:
+            w = truncated(square, sighted.c2[form], mu)
         if not square < math.inf:
             w = 0.0
         new_weight[k] = w
