@@ -10,6 +10,7 @@ optimisation of everything so far, where a window does not fit: when a loop clos
 import numpy as np
 
 from tagmap.conventions import Array, Index
+from tagmap.estimation import robust
 from tagmap.estimation.kernels import window as kernel
 from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
 from tagmap.estimation.optimise import Options, optimise
@@ -113,6 +114,10 @@ class _Growth:
             weight=np.ones(k),
             next_weight=np.ones(k),
             step_r2=np.zeros(n - 1),
+            step_weight=np.ones(n - 1),
+            next_step_weight=np.ones(n - 1),
+            step_bound=robust.step_bound(self._problem.pose_dof),
+            least_step=robust.LEAST_STEP,
             L=np.zeros((n, 6, 6)),
             D=np.zeros((n, 6, 6)),
             u=np.zeros((n, 6)),

@@ -10,7 +10,8 @@ Tzoumas, Carlone, "Graduated Non-Convexity for Robust Spatial Perception", RA-L 
 for mu growing from nearly 0 (w ~ 1 / r, a convex cost) to SHARPEST, beyond which weights are 0 or
 1: then the last steps converge quadratically.
 `c2` is a chi-square quantile of the factor's dimension: nothing here is tuned to a data set.
-Odometry is not down-weighted: a chain cut at one bad step would fall apart.
+Odometry steps are cut off too where they are far off (a wheel slips), but hold on by a thread: a
+part of the chain that nothing else determines then follows its step, which so is met and believed.
 """
 
 from functools import cache
@@ -23,6 +24,8 @@ from tagmap.estimation.problem import Problem
 from tagmap.estimation.residuals import Weights
 
 INLIER_PROBABILITY = 0.99
+SLIP_PROBABILITY = 1e-15
+LEAST_STEP = 1e-6
 SHARPEST = 100.0
 BLUNT = 1.0
 BLUNTEST = 1e-4
@@ -33,6 +36,12 @@ MOST = 0.95
 def chi2_bound(dimension: int) -> float:
     """The c2 that INLIER_PROBABILITY of true measurements stay below."""
     return float(special.chdtri(dimension, 1.0 - INLIER_PROBABILITY))
+
+
+@cache
+def step_bound(dimension: int) -> float:
+    """The c2 of odometry steps, about 9 sigma: what is above is a slip, no step of wide tails."""
+    return float(special.chdtri(dimension, SLIP_PROBABILITY))
 
 
 def truncated(r2: Array, c2: float, mu: float) -> Array:

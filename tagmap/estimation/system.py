@@ -15,6 +15,7 @@ from tagmap.estimation import robust
 from tagmap.estimation.kernels import calibration as unknowns
 from tagmap.estimation.kernels import motion, sightings, steps
 from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.kernels.step_weights import weigh_steps
 from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Residuals, Weights
@@ -31,10 +32,11 @@ class Values:
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """Robust weights of all sightings (K,), ascending by pose, and of the surveyed tags."""
+    """Robust weights of all sightings (K,), ascending by pose, surveyed tags and steps (N - 1,)."""
 
     sightings: Array
     surveyed: Array
+    steps: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,12 +96,14 @@ class System:
         rows = np.ones(self.problem.n_sightings)
         for at, w in zip(self.packed.rows, weights.sightings, strict=True):
             rows[at] = w
-        return Belief(rows, weights.surveyed)
+        steps_ = np.ones(len(self.packed.steps.has))
+        steps_[self.problem.odometry.first] = weights.odometry
+        return Belief(rows, weights.surveyed, steps_)
 
     def weights(self, belief: Belief) -> Weights:
         """And back."""
         by_block = tuple(belief.sightings[rows] for rows in self.packed.rows)
-        return Weights(by_block, np.ones(len(self.problem.odometry.first)), belief.surveyed)
+        return Weights(by_block, belief.steps[self.problem.odometry.first], belief.surveyed)
 
     def residuals(self, squares: Squares) -> Residuals:
         """Squared residuals by block."""
@@ -109,7 +113,11 @@ class System:
 
     def certain(self) -> Belief:
         """Everything is believed."""
-        return Belief(np.ones(self.problem.n_sightings), np.ones(len(self.problem.surveyed)))
+        return Belief(
+            np.ones(self.problem.n_sightings),
+            np.ones(len(self.problem.surveyed)),
+            np.ones(len(self.packed.steps.has)),
+        )
 
     def release(self, point: Point) -> None:
         """Its room may be used again."""
@@ -132,34 +140,40 @@ class System:
             linear,
         )
         steps.gather_sightings(linear)
-        step_r2 = np.zeros(len(self.packed.steps.has))
-        rest = self._add_steps(linear, values, step_r2)
+        step_w, step_r2 = np.empty_like(belief.steps), np.empty_like(belief.steps)
+        asked_steps, cost_steps = self._add_steps(linear, values, belief, mu, step_w, step_r2)
         if self.packed.pose_pins.any():
             linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
         own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
         prior_r2 = self._add_calibration_prior(linear, values)
-        rest += float(prior_r2.sum()) + self._add_condensed(linear, values)
+        rest = float(prior_r2.sum()) + self._add_condensed(linear, values)
         return Point(
             values,
             linear,
             own,
             Squares(r2, step_r2, surveyed_r2, prior_r2),
-            Belief(w, surveyed_w),
-            asked + rest + float(belief.surveyed @ surveyed_r2),
-            cost + rest + float(surveyed_w @ surveyed_r2),
+            Belief(w, surveyed_w, step_w),
+            asked + asked_steps + rest + float(belief.surveyed @ surveyed_r2),
+            cost + cost_steps + rest + float(surveyed_w @ surveyed_r2),
         )
 
-    def _add_steps(self, linear: Linear, values: Values, r2: Array) -> float:
-        """Odometry, with what it says of its own scales where they are unknowns."""
+    def _add_steps(
+        self, linear: Linear, values: Values, belief: Belief, mu: float, w: Array, r2: Array
+    ) -> tuple[float, float]:
+        """Odometry, with what it says of its own scales where they are unknowns; both costs."""
         measured = self.packed.steps
-        if not measured.columns.shape[1]:
-            return steps.linearise_steps(measured, values.T, np.ones_like(r2), r2, linear)
-        T = np.empty_like(measured.T)
-        unknowns.corrected_steps(measured, values.calibration, T)
-        corrected = measured._replace(T=T)
-        cost = steps.linearise_steps(corrected, values.T, np.ones_like(r2), r2, linear)
-        unknowns.add_steps(measured, T, values.T, values.calibration, linear)
-        return cost
+        calibrated = measured.columns.shape[1] > 0
+        corrected = measured
+        if calibrated:
+            corrected = measured._replace(T=np.empty_like(measured.T))
+            unknowns.corrected_steps(measured, values.calibration, corrected.T)
+        c2, least = robust.step_bound(self.problem.pose_dof), robust.LEAST_STEP
+        asked = weigh_steps(corrected, values.T, mu, c2, least, belief.steps, w, r2)
+        cost = steps.linearise_steps(corrected, values.T, w, np.empty_like(r2), linear)
+        if calibrated:
+            believed = measured._replace(information=measured.information * w[:, None, None])
+            unknowns.add_steps(believed, corrected.T, values.T, values.calibration, linear)
+        return asked, cost
 
     def _add_surveys(
         self, linear: Linear, values: Values, old: Array, mu: float

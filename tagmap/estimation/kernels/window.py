@@ -27,6 +27,7 @@ from tagmap.estimation.kernels.small import (
     transpose,
     upper,
 )
+from tagmap.estimation.kernels.step_weights import weigh_steps
 from tagmap.estimation.kernels.steps import gather_sightings, linearise_steps
 from tagmap.geometry.kernels.compiled import compiled
 
@@ -42,7 +43,7 @@ class Window(NamedTuple):
 
     hold (6, 6): information on the first pose about T_hold (4, 4), along the axes of the map.
     pins (6,): see tagmap.estimation.packing. ones (max(K, n),); r2, weight, next_weight (K,);
-    step_r2 (n - 1,); L, D (n, 6, 6); u (n, 6); before (n, 4, 4); work (6, 6).
+    step_r2, step_weight, next_step_weight (n - 1,); L, D (n, 6, 6); u (n, 6); before (n, 4, 4); work (6, 6).
     """
 
     sighted: Sighted
@@ -56,6 +57,10 @@ class Window(NamedTuple):
     weight: Array
     next_weight: Array
     step_r2: Array
+    step_weight: Array
+    next_step_weight: Array
+    step_bound: float
+    least_step: float
     L: Array
     D: Array
     u: Array
@@ -70,11 +75,13 @@ def localise(window: Window, T: Array, p: Array, information: Array, mu_step: fl
     p (M, 3), NaN where not known, with information (M, 3, 3). Weights sharpen as in
     tagmap.estimation.optimise. False where nothing determines the window.
     """
-    sighted, linear, weight, u = window.sighted, window.linear, window.weight, window.u
+    linear, weight, u = window.linear, window.weight, window.u
     n, k = len(T), len(window.r2)
+    window.step_weight[:] = 1.0
     _linearise(window, T, p, information, KEEP, window.ones[:k], weight)
     mu = _first_mu(window)
     _, cost = _linearise(window, T, p, information, mu, window.ones[:k], weight)
+    window.step_weight[:] = window.next_step_weight
     damping = 1e-9
     for _ in range(_MOST_STEPS):
         if not factor(linear, damping, window.L, window.D, window.work):
@@ -97,6 +104,7 @@ def localise(window: Window, T: Array, p: Array, information: Array, mu_step: fl
         if asked <= cost:
             cost = next_cost
             weight[:] = window.next_weight
+            window.step_weight[:] = window.next_step_weight
             damping = max(0.1 * damping, 1e-12)
             continue
         T[:] = window.before
@@ -157,8 +165,19 @@ def _linearise(
         for n in range(3):
             gradient[k, n] = w * g[n] if w > 0.0 else 0.0
     gather_sightings(linear)
-    rest = linearise_steps(window.steps, T, window.ones[: len(T)], window.step_r2, linear)
-    rest += _add_hold(window, T)
+    step_weight = window.next_step_weight
+    asked += weigh_steps(
+        window.steps,
+        T,
+        math.inf if mu >= _SHARPEST else mu,
+        window.step_bound,
+        window.least_step,
+        window.step_weight,
+        step_weight,
+        window.step_r2,
+    )
+    cost += linearise_steps(window.steps, T, step_weight, window.step_r2, linear)
+    rest = _add_hold(window, T)
     for i in range(len(T)):
         for a in range(6):
             linear.diagonal[i, a, a] += window.pins[a]
