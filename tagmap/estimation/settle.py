@@ -16,6 +16,7 @@ from tagmap.estimation.restrict import restrict, without_calibration, without_su
 from tagmap.estimation.revote import Votes, revoted
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import Start, start_from, start_with
+from tagmap.estimation.twists import with_motion
 
 INLIER_WEIGHT = 0.5
 MOST_VOTES = 3
@@ -82,7 +83,17 @@ def settle(stacked: Stacked, options: Options) -> Settled:
         if start.anchored and not left.anchored:
             unanchored = settled
         start = left
+    settled = _with_motion_as_found(settled, options)
     return _with_marginals(replace(settled, unanchored=unanchored), options)
+
+
+def _with_motion_as_found(settled: Settled, options: Options) -> Settled:
+    """Once more with the motion that the poses show, where the time stamps of a camera are off."""
+    stacked, state = settled.stacked, settled.optimum.state
+    problem = with_motion(settled.problem, stacked.t_ns[settled.poses], state.T)
+    if problem is settled.problem:
+        return settled
+    return replace(settled, problem=problem, optimum=optimise(problem, state, options))
 
 
 def _optimised(stacked: Stacked, start: Start, calibration: Array, options: Options) -> Settled:

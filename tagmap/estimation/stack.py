@@ -7,7 +7,8 @@ import numpy as np
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
 from tagmap.estimation.problem import Odometry, Problem, Sightings, Surveyed, lie, whitening
-from tagmap.estimation.stated import Stated, twists
+from tagmap.estimation.stated import Stated
+from tagmap.estimation.twists import with_motion
 from tagmap.estimation.unknowns import OF_FORM
 from tagmap.geometry.covariance import unpack_upper
 from tagmap.records import Hello, Keyframe, Sighting
@@ -78,13 +79,14 @@ def stack(sessions: Sequence[SessionData], surveys: Sequence[SurveyedTag]) -> St
         surveyed=_surveyed(kind, surveys, tags),
         calibration=stated.unknowns,
     )
+    t_ns = np.array([frame.t_ns for frame in flat], dtype=np.int64)
     return Stacked(
-        problem=problem,
+        problem=with_motion(problem, t_ns),
         tags=tuple(tags),
         sessions=tuple(hellos),
         bounds=bounds,
         seq=np.array([frame.seq for frame in flat], dtype=np.int64),
-        t_ns=np.array([frame.t_ns for frame in flat], dtype=np.int64),
+        t_ns=t_ns,
         chain=np.cumsum(breaks) - 1,
     )
 
@@ -150,21 +152,7 @@ def _sightings(
     for (form, rig, own), members in sorted(groups.items(), key=lambda item: item[0]):
         block = _block(form, calibrations[rig], members, number_of, T_cam_base)
         blocks.append(replace(block, unknowns=own))
-    return _with_twists(kind, frames, stated, tuple(blocks))
-
-
-def _with_twists(
-    kind: Kind, frames: list[list[Keyframe]], stated: Stated, blocks: tuple[Sightings, ...]
-) -> tuple[Sightings, ...]:
-    """Motion at the keyframes where a time offset is an unknown."""
-    delays = {i for i, unknown in enumerate(stated.unknowns) if unknown.name == "time_offset_s"}
-    if not delays:
-        return blocks
-    twist = np.concatenate([twists(kind, part) for part in frames])
-    return tuple(
-        replace(block, twist=twist[block.pose]) if delays & set(block.unknowns) else block
-        for block in blocks
-    )
+    return tuple(blocks)
 
 
 def _block(

@@ -3,15 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from tagmap.conventions import POSE_DOF, Array, Form, Kind
-from tagmap.estimation.problem import lie
+from tagmap.conventions import Form, Kind
 from tagmap.estimation.unknowns import CAMERA, OF_FORM, OF_STEPS, Unknown, UnknownName
-from tagmap.records import Hello, Keyframe
-from tagmap.records import arrays as convert
+from tagmap.records import Hello
 
-NANOSECONDS = 1e9
 Key = tuple[UnknownName, str | None]
 
 
@@ -70,21 +65,3 @@ def _sigmas(kind: Kind, hello: Hello) -> dict[Key, float]:
         ("wheel_base", hello.robot): own.wheel_base,
     }
     return {key: sigma for key, sigma in stated.items() if sigma is not None}
-
-
-def twists(kind: Kind, frames: Sequence[Keyframe]) -> Array:
-    """(n, dof) motion of base per second at each keyframe, in its own axes; 0 where unknown.
-
-    Between the middles of the steps before and after it motion is taken to change evenly.
-    """
-    rates, spans = np.zeros((len(frames) + 1, POSE_DOF[kind])), np.zeros(len(frames) + 1)
-    for i, (before, frame) in enumerate(zip(frames[:-1], frames[1:], strict=True), start=1):
-        if frame.odom is not None and frame.seq == before.seq + 1 and frame.t_ns > before.t_ns:
-            spans[i] = (frame.t_ns - before.t_ns) / NANOSECONDS
-            rates[i] = lie(kind).log(convert.matrix(frame.odom.T_prev_cur)) / spans[i]
-    # Each step counts by the length of the other one; alone where there is no other.
-    w_before = np.where(spans[:-1] > 0.0, np.where(spans[1:] > 0.0, spans[1:], 1.0), 0.0)
-    w_after = np.where(spans[1:] > 0.0, np.where(spans[:-1] > 0.0, spans[:-1], 1.0), 0.0)
-    total = np.maximum(w_before + w_after, np.finfo(float).tiny)[:, None]
-    mean: Array = (w_before[:, None] * rates[:-1] + w_after[:, None] * rates[1:]) / total
-    return mean

@@ -106,15 +106,6 @@ class Hidden:
         measured: Array = lie(kind).exp(twist)
         return measured
 
-    def exposed(self, kind: Kind, T: Array) -> Array:
-        """Poses (n, D, D) at which the camera truly exposes."""
-        if len(T) < 2:
-            return T
-        twist = lie(kind).log(lie(kind).inverse(T[:-1]) @ T[1:])
-        twist = np.concatenate([twist, twist[-1:]])
-        late: Array = lie(kind).exp(twist * (self.of("time_offset_s") * 1e9 / KEYFRAME_NS))
-        return T @ late
-
 
 @dataclass(frozen=True)
 class Drive:
@@ -169,9 +160,10 @@ def hall(kind: Kind, rng: np.random.Generator, n_tags: int = 12, spread: float =
     return World(kind, np.column_stack([p, rng.uniform(2.5, 3.5, n_tags)]))
 
 
-def circle(kind: Kind, drive: Drive) -> Array:
-    """True poses T_map_base (n, D, D) along a circle, counter-clockwise."""
-    angle = drive.first_rad + np.arange(drive.n) * STEP_M / max(drive.radius_m, 1.0)
+def circle(kind: Kind, drive: Drive, late_s: float = 0.0) -> Array:
+    """True poses T_map_base (n, D, D) along a circle, counter-clockwise, `late_s` after each."""
+    steps = np.arange(drive.n) + late_s * 1e9 / KEYFRAME_NS
+    angle = drive.first_rad + steps * STEP_M / max(drive.radius_m, 1.0)
     p = np.array(drive.centre) + drive.radius_m * np.stack([np.cos(angle), np.sin(angle)], -1)
     heading = angle + 0.5 * np.pi
     if kind == "planar":
@@ -202,7 +194,7 @@ def session(
         calibration=drive.stated,
     )
     odometry = _odometry(world.kind, drive, T, rng)
-    exposed = drive.hidden.exposed(world.kind, T)
+    exposed = circle(world.kind, drive, drive.hidden.of("time_offset_s"))
     frames = [
         Keyframe(
             site="site",

@@ -100,9 +100,7 @@ def mount_of(sighted: Sighted, k: int, sensor: Sensor, T_cam_base: Array) -> tup
         return R, t
     f = -sensor.delay
     v, w = _twist(sighted, k)
-    R_moved, t_moved = exponential(
-        (f * v[0], f * v[1], f * v[2]), (f * w[0], f * w[1], f * w[2])
-    )
+    R_moved, t_moved = exponential((f * v[0], f * v[1], f * v[2]), (f * w[0], f * w[1], f * w[2]))
     return product(R, R_moved), add(times(R, t_moved), t)
 
 
@@ -296,9 +294,7 @@ def _informed(Q: Array, x: Six) -> Six:
 
 @compiled
 def _dot6(a: Six, b: Six) -> float:
-    return (
-        a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
-    )
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
 @compiled
