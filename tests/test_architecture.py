@@ -26,7 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "mapper": {"geometry", "records", "localisation", "estimation", "mapping"},
     "store": {"records"},
     "link": {"records"},
-    "exchange": {"geometry", "records", "localisation", "mapping"},
+    "exchange": {"geometry", "records", "localisation", "estimation", "mapping"},
 }
 """Rooms of tagmap below the shells. A room that is not listed may import any."""
 

@@ -4,4 +4,14 @@ A suite measures everything several times in one run, each time next to a refere
 from the same machine. Only such ratios, and accuracies, are compared with the committed baseline.
 """
 
-NAMES = ("startup", "store", "service", "replay", "spots", "poses", "constellation", "integrity")
+NAMES = (
+    "startup",
+    "store",
+    "service",
+    "replay",
+    "spots",
+    "poses",
+    "constellation",
+    "integrity",
+    "estimation",
+)

@@ -18,16 +18,60 @@ def map_() -> None:
 
 
 @map_.command()
+@click.argument("file", type=click.Path(path_type=Path), required=False)
+@click.option("--out", type=click.Path(path_type=Path), help="FILE only: write the result as g2o.")
+@click.option(
+    "--start",
+    type=click.Choice(["file", "nothing"]),
+    help="FILE only: where to begin. [default: the file's vertices, nothing if it has none]",
+)
+@click.option("--robust", is_flag=True, help="FILE only: reject landmark edges that do not fit.")
 @click.option(
     "--timeout-s",
     type=click.FloatRange(min=0.0, min_open=True),
     default=600.0,
     show_default=True,
-    help="How long to wait.",
+    help="Without FILE: how long to wait.",
 )
 @client
-def solve(target: Target, timeout_s: float) -> None:
-    """Solve over everything stored so far, wait for it, and show the summary."""
+def solve(
+    target: Target,
+    file: Path | None,
+    out: Path | None,
+    start: str | None,
+    robust: bool,
+    timeout_s: float,
+) -> None:
+    """Solve everything the service has stored so far, or the graph in FILE.
+
+    Without FILE: have the running service solve, wait for it, and show the summary.
+
+    FILE is a graph in g2o or ODOMETRY/LANDMARK form, plain or .xz; no service is needed.
+    """
+    if file is not None:
+        _solve_file(target, file, out, start, robust)
+    elif out is not None or start is not None or robust:
+        raise click.UsageError("--out, --start and --robust need a FILE")
+    else:
+        _solve_stored(target, timeout_s)
+
+
+def _solve_file(
+    target: Target, file: Path, out: Path | None, start: str | None, robust: bool
+) -> None:
+    import time
+
+    began_s = time.perf_counter()
+    from tagmap.cli.solving import Wanted, solve_file
+
+    summary, rejected = solve_file(Wanted(file, out, start, robust), began_s)
+    if target.as_json:
+        show_json(summary)
+    else:
+        show_facts(summary | ({"rejected": rejected} if robust else {}))
+
+
+def _solve_stored(target: Target, timeout_s: float) -> None:
     data = ask(target, "map", "solve", timeout_s=timeout_s)
     if target.as_json:
         show_json(data)
@@ -59,28 +103,50 @@ def versions(target: Target) -> None:
 @click.option(
     "--format",
     "format_",
-    type=click.Choice(["json", "csv", "tum"]),
+    type=click.Choice(["json", "csv", "tum", "g2o"]),
     required=True,
     help="See below.",
 )
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Where to write.")
 @click.option("--robot", help="Only this robot's trajectory (json, tum).")
+@click.option(
+    "--db",
+    type=click.Path(path_type=Path),
+    help="The database to read (g2o, which asks no service). [default: site.db]",
+)
 @client
-def export(target: Target, format_: str, out: Path, robot: str | None) -> None:
+def export(target: Target, format_: str, out: Path, robot: str | None, db: Path | None) -> None:
     """Write the newest map to files.
 
     \b
     json  one file: version, tags, and every robot's trajectory
     csv   one file: the tags
     tum   trajectories, t x y z qx qy qz qw: with --robot one file, else a folder with ROBOT.tum
+    g2o   one file: poses, tags, odometry and sightings as a graph, read from the database
     """
-    from tagmap.cli.exporting import export_map
-
-    written = export_map(target, format_, out, robot)
+    if format_ == "g2o" and robot is not None:
+        raise click.UsageError("--robot does not go with --format g2o")
+    if format_ != "g2o" and db is not None:
+        raise click.UsageError(f"--db does not go with --format {format_}")
+    written = _export(target, format_, out, robot, db)
     if target.as_json:
         show_json(written)
     else:
         click.echo(f"{written['tags']} tags, {written['poses']} poses written to {out}")
+        if written.get("skipped"):
+            click.echo(f"{written['skipped']} sightings left out: they give no point")
+
+
+def _export(
+    target: Target, format_: str, out: Path, robot: str | None, db: Path | None
+) -> dict[str, Any]:
+    if format_ == "g2o":
+        from tagmap.cli.exporting_graph import export_graph
+
+        return export_graph(db or Path("site.db"), out)
+    from tagmap.cli.exporting import export_map
+
+    return export_map(target, format_, out, robot)
 
 
 def _row(version: dict[str, Any]) -> list[Any]:

@@ -1,72 +1,218 @@
-"""Marginal covariances at the optimum.
+"""Marginal covariances at the optimum, without the inverse of anything large.
 
-On an anchored map they are absolute. On a floating one nothing ties the frame to the building, so
-they say how well the map is known relative to itself: the covariance under inner constraints on the
-tags (Baarda's S-transformation), which is what remains after the best rigid alignment.
+The reduced system on the tags is formed (tagmap.estimation.kernels.schur) and factored sparsely;
+of its inverse only the entries on the pattern of the factor are computed.
+
+On an anchored map covariances are absolute. On a floating one nothing ties the frame to the
+building, so they say how well the map is known relative to itself: the covariance under inner
+constraints on the tags (Baarda's S-transformation), which is what remains after the best rigid
+alignment. To get there the frame is first held at as few coordinates as do it.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
+from scipy import linalg, sparse
+from scipy.sparse.linalg import splu
 
 from tagmap.conventions import Array, Index
 from tagmap.estimation import robust
-from tagmap.estimation.gauge import free_directions
-from tagmap.estimation.linear import COLUMNS_AT_ONCE, Factorisation, gauge_stiffness
-from tagmap.estimation.linearise import linearise
+from tagmap.estimation.gauge import is_free, rigid_motions
+from tagmap.estimation.condensed import whole
+from tagmap.estimation.elimination import eliminated
+from tagmap.estimation.kernels import chain, schur
 from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem
+from tagmap.estimation.system import Point, System
 
 ROUNDING = 1e-6
+POSES_AT_ONCE = 42
 
 
 class Marginals:
-    """Covariances of the border (m, m), tags then scales, at once; of poses on demand.
+    """Covariances of all tags and calibration unknowns at once, of poses on demand.
 
     Raises LinAlgError where the accepted factors do not determine everything, to rounding.
     """
 
     def __init__(self, problem: Problem, optimum: Optimum) -> None:
-        self._dof, self._d = problem.pose_dof, problem.tag_dof
-        self._n_tags = problem.n_tags
+        if problem.condensed is not None:
+            problem = replace(problem, condensed=problem.condensed.efficient())
+        self._problem = problem
+        self._system = System(problem)
         weights = robust.efficient(problem, optimum.weights)
-        gauge = free_directions(problem, optimum.state)
-        self._factor = Factorisation(linearise(problem, optimum.state, weights), gauge=gauge)
-        border = self._factor.solve_border(np.eye(problem.n_border))
-        if gauge is not None:
-            border -= gauge @ gauge.T / gauge_stiffness(self._factor.schur)
-        self.border = 0.5 * (border + border.T)
-        eigenvalues = np.linalg.eigvalsh(self.tags())
+        self._point = self._system.at(
+            self._system.values(optimum.state), self._system.belief(weights)
+        )
+        n = problem.n_poses
+        self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
+        if not chain.factor(self._point.linear, 0.0, self._L, self._D, np.zeros((6, 6))):
+            raise np.linalg.LinAlgError("poses are not determined")
+        tags, between, corner = self._reduced()
+        motions = None
+        if is_free(problem):
+            motions = rigid_motions(problem, self._point.values.p)[: 3 * problem.n_tags]
+            tags = sparse.csc_matrix(tags + _hold(motions, tags.diagonal()))
+        self._solve, self._tags = _factored(tags, problem.n_tags)
+        self._border(between, corner)
+        self._basis = None if motions is None else np.linalg.qr(motions)[0]
+        self._free()
+        self._check()
+        self._inverse_blocks: Array | None = None
+
+    def _reduced(self) -> tuple[sparse.csc_matrix, Array, Array]:
+        """S: of tags (sparse, both triangles), of tags with calibration, of calibration."""
+        linear, n_tags = self._point.linear, self._problem.n_tags
+        between, corner = linear.tag_calibration.copy(), linear.calibration.copy()
+        rows, columns, blocks = eliminated(linear, self._L, self._D, between, corner)
+        tags = whole(rows, columns, blocks, n_tags)
+        each = np.arange(n_tags)
+        condensed = self._system.condensed
+        if condensed is not None:
+            tags = tags + condensed
+            tags = tags + whole(each, each, self._sighted_and_own(), n_tags)
+        else:
+            tags = tags + whole(each, each, linear.tag_diagonal, n_tags)
+        return sparse.csc_matrix(tags), between.reshape(3 * n_tags, len(corner)), corner
+
+    def _sighted_and_own(self) -> Array:
+        """The tags' own blocks without what was condensed."""
+        condensed, own = self._problem.condensed, self._point.linear.tag_diagonal.copy()
+        assert condensed is not None
+        each = condensed.rows == condensed.columns
+        np.subtract.at(own, condensed.rows[each], condensed.blocks[each])
+        return own
+
+    def _border(self, between: Array, corner: Array) -> None:
+        """Calibration unknowns join: their covariance, and what it adds to that of the tags."""
+        self._across = np.zeros_like(between)
+        self._corner = np.zeros_like(corner)
+        if not len(corner):
+            return
+        self._across = np.column_stack([self._solve(np.ascontiguousarray(column)) for column in between.T])
+        left = corner - between.T @ self._across
+        factor = linalg.cho_factor(0.5 * (left + left.T))
+        self._corner = linalg.cho_solve(factor, np.eye(len(corner)))
+        by_tag = self._across.reshape(-1, 3, len(corner))
+        self._tags = self._tags + by_tag @ self._corner @ np.swapaxes(by_tag, -1, -2)
+
+    def _free(self) -> None:
+        """From the frame held to inner constraints: cov - G g' - g G' + G h G'."""
+        basis = self._basis
+        if basis is None:
+            return
+        g = self._solved(basis) + self._across @ (self._corner @ (self._across.T @ basis))
+        h = basis.T @ g
+        G, c = basis.reshape(-1, 3, basis.shape[1]), g.reshape(-1, 3, basis.shape[1])
+        cross = G @ np.swapaxes(c, -1, -2)
+        self._tags = self._tags - cross - np.swapaxes(cross, -1, -2)
+        self._tags = self._tags + G @ h @ np.swapaxes(G, -1, -2)
+
+    def _check(self) -> None:
+        d = self._problem.tag_dof
+        tags = 0.5 * (self._tags + np.swapaxes(self._tags, -1, -2))
+        self._tags = tags
+        eigenvalues = np.linalg.eigvalsh(tags[:, :d, :d])
         if not (eigenvalues[:, 0] >= -ROUNDING * eigenvalues[:, -1]).all():
             raise np.linalg.LinAlgError("a tag's covariance is lost in rounding")
 
     def tags(self) -> Array:
         """(M, d, d), map axes."""
-        size = self._n_tags * self._d
-        return _diagonal_blocks(self.border[:size, :size], self._d)
+        d = self._problem.tag_dof
+        return self._tags[:, :d, :d]
 
-    def scales(self) -> Array:
-        """Variances (S,)."""
-        return np.diag(self.border)[self._n_tags * self._d :]
+    def joint(self, which: Index) -> Array:
+        """(n d, n d) of the tags with numbers `which`, with their correlations."""
+        d, m = self._problem.tag_dof, 3 * self._problem.n_tags
+        rows = (3 * which[:, None] + np.arange(d)).ravel()
+        unit = np.zeros((m + len(self._corner), len(rows)))
+        unit[rows, np.arange(len(rows))] = 1.0
+        cov = self._joint_times(unit)[rows]
+        symmetric: Array = 0.5 * (cov + cov.T)
+        return symmetric
+
+    def calibration(self) -> Array:
+        """(Q, Q), with correlations."""
+        return self._corner
 
     def poses(self, which: Index) -> Array:
         """(n, dof, dof) of the poses with numbers `which`, body frame."""
-        at_once = max(COLUMNS_AT_ONCE // self._dof, 1)
-        parts = [self._poses(which[i : i + at_once]) for i in range(0, len(which), at_once)]
-        return np.concatenate([np.zeros((0, self._dof, self._dof)), *parts])
+        dof = self._problem.pose_dof
+        parts = [
+            self._poses(which[i : i + POSES_AT_ONCE]) for i in range(0, len(which), POSES_AT_ONCE)
+        ]
+        return np.concatenate([np.zeros((0, dof, dof)), *parts])
 
     def _poses(self, which: Index) -> Array:
-        """A^-1 + X Cov(border) X' with X = A^-1 B."""
-        dof, equations = self._dof, self._factor.equations
-        columns = (which[:, None] * dof + np.arange(dof)).ravel()
-        unit = np.zeros((equations.gradient_pose.size, len(columns)))
-        unit[columns, np.arange(len(columns))] = 1.0
-        inverse = self._factor.solve_poses(unit)
-        X = equations.coupling.T @ inverse
-        return _diagonal_blocks(inverse[columns] + X.T @ self.border @ X, dof)
+        """A^-1 + X Cov X' with X = A^-1 B, for tags and calibration together."""
+        if self._inverse_blocks is None:
+            self._inverse_blocks = np.empty_like(self._D)
+            schur.pose_inverse_blocks(self._L, self._D, self._inverse_blocks)
+        X = self._by_pose(which)
+        spread = self._joint_times(X.T)
+        R = self._point.values.T[which, :3, :3]
+        to_body = np.zeros((len(which), 6, 6))
+        to_body[:, :3, :3] = to_body[:, 3:, 3:] = np.swapaxes(R, -1, -2)
+        rows = X.reshape(len(which), 6, -1)
+        shared = np.stack([rows[i] @ spread[:, 6 * i : 6 * i + 6] for i in range(len(which))])
+        cov = to_body @ (self._inverse_blocks[which] + shared) @ np.swapaxes(to_body, -1, -2)
+        axes = self._system.packed.axes
+        symmetric: Array = 0.5 * (cov + np.swapaxes(cov, -1, -2))
+        return symmetric[:, axes[:, None], axes]
+
+    def _by_pose(self, which: Index) -> Array:
+        """Rows of A^-1 B, (6 n, 3 M + Q), up to their sign."""
+        linear, m = self._point.linear, 3 * self._problem.n_tags
+        X = np.zeros((6 * len(which), m + len(self._corner)))
+        still = np.zeros((self._problem.n_tags, 3))
+        for row, into in enumerate(X):
+            unit = np.zeros_like(linear.pose_gradient)
+            unit[which[row // 6], row % 6] = 1.0
+            chain.solve(self._L, self._D, unit)
+            chain.scatter(linear, still, 0.0, unit, into[:m].reshape(-1, 3), into[m:])
+        return X
+
+    def _joint_times(self, x: Array) -> Array:
+        """Covariance of tags and calibration times x (3 M + Q, k), the frame free again."""
+        m = 3 * self._problem.n_tags
+        tags = self._without_frame(x[:m])
+        tags = self._solved(tags)
+        c = self._corner @ (x[m:] - self._across.T @ self._without_frame(x[:m]))
+        return np.vstack([self._without_frame(tags - self._across @ c), c])
+
+    def _without_frame(self, x: Array) -> Array:
+        return x if self._basis is None else x - self._basis @ (self._basis.T @ x)
+
+    def _solved(self, x: Array) -> Array:
+        """The tags' part of the reduced system, the frame held, solved for x (3 M, k)."""
+        return np.stack([self._solve(np.ascontiguousarray(c)) for c in x.T], axis=1)
 
 
-def _diagonal_blocks(matrix: Array, size: int) -> Array:
-    """Symmetrised blocks (n, size, size) along the diagonal of (n size, n size)."""
-    n = len(matrix) // size
-    each = np.arange(n)
-    blocks: Array = matrix.reshape(n, size, n, size)[each, :, each, :]
-    return 0.5 * (blocks + np.swapaxes(blocks, -1, -2))
+def _hold(motions: Array, diagonal: Array) -> sparse.csc_matrix:
+    """As many coordinates as the frame has freedoms, held: those that hold it best."""
+    _, _, pivots = linalg.qr(motions.T, mode="economic", pivoting=True)
+    held = np.zeros(len(diagonal))
+    held[pivots[: motions.shape[1]]] = float(np.mean(diagonal))
+    return sparse.csc_matrix(sparse.diags(held))
+
+
+def _factored(tags: sparse.csc_matrix, n_tags: int) -> tuple[Callable[[Array], Array], Array]:
+    """Solver of the tags' system, and the diagonal blocks (M, 3, 3) of its inverse."""
+    try:
+        factor = splu(
+            tags, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+    except RuntimeError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
+    pivots = factor.U.diagonal()
+    if not (pivots > 0.0).all() or not (factor.perm_r == factor.perm_c).all():
+        raise np.linalg.LinAlgError("tags are not determined")
+    L = factor.L.tocsc()
+    L.sort_indices()
+    indptr, indices = L.indptr.astype(np.int64), L.indices.astype(np.int64)
+    Z = np.zeros(len(L.data))
+    schur.selected_inverse(indptr, indices, L.data, pivots, Z)
+    blocks = np.zeros((n_tags, 3, 3))
+    schur.take_blocks(indptr, indices, Z, factor.perm_c.astype(np.int64), blocks)
+    return factor.solve, blocks

@@ -3,28 +3,31 @@
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.estimation.problem import Problem, State
+from tagmap.estimation.problem import Problem
 
 
-def free_directions(problem: Problem, state: State) -> Array | None:
-    """Orthonormal rigid motions of all tags (m, 3 or 6); None if something holds them.
+def is_free(problem: Problem) -> bool:
+    """Nothing but surveyed tags holds the frame."""
+    return not len(problem.surveyed) and problem.n_tags > 0
 
-    Surveyed tags hold the frame, and so does a prior on the first pose.
-    """
-    if len(problem.surveyed) or problem.prior is not None or not problem.n_tags:
+
+def free_directions(problem: Problem, p: Array) -> Array | None:
+    """Orthonormal rigid motions (3 M + Q, 3 or 6) of all tags p (M, 3); None if something holds."""
+    if not is_free(problem):
         return None
-    directions, _ = np.linalg.qr(rigid_motions(problem, state))
+    directions, _ = np.linalg.qr(rigid_motions(problem, p))
     return directions
 
 
-def rigid_motions(problem: Problem, state: State) -> Array:
-    """Columns (m, g) in the border: translations, then rotations about the tags' centroid."""
-    d = problem.tag_dof
-    centred = state.p - state.p.mean(axis=0)
-    columns = [np.tile(axis, problem.n_tags) for axis in np.eye(d)]
-    if d == 2:
-        columns.append(np.stack([-centred[:, 1], centred[:, 0]], axis=1).ravel())
+def rigid_motions(problem: Problem, p: Array) -> Array:
+    """Columns (3 M + Q, g): translations, then rotations about the tags' centroid."""
+    centred = p - p.mean(axis=0)
+    axes = np.eye(3)
+    if problem.kind == "planar":
+        shifts, turns = axes[:2], axes[2:]
     else:
-        columns.extend(np.cross(axis, centred).ravel() for axis in np.eye(3))
+        shifts, turns = axes, axes
+    columns = [np.tile(axis, len(p)) for axis in shifts]
+    columns += [np.cross(axis, centred).ravel() for axis in turns]
     motions = np.stack(columns, axis=1)
-    return np.vstack([motions, np.zeros((len(problem.scale_names), motions.shape[1]))])
+    return np.vstack([motions, np.zeros((len(problem.calibration), motions.shape[1]))])

@@ -1,171 +1,190 @@
-"""A first trajectory and tag map of one odometry chain, grown window by window.
+"""A first trajectory of one odometry chain, grown window by window.
 
 A batch start from dead reckoning is trapped where odometry has turned by radians over an hour.
-Growing is not: each window of keyframes starts where the last one ended, is optimised against the
-tags known so far, and is then condensed into a Gaussian on its last pose and the tags
-(marginalisation: Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017, 5.3).
+Growing is not: each window of keyframes starts where the last one ended, is localised on the tags
+known so far, and then brings them up to date and adds new ones. Each tag is taken with what is
+known of it alone. What is lost that way, the correlation of tags, is brought back by the joint
+optimisation of everything so far, where a window does not fit: when a loop closes, and at the end.
 """
 
-from dataclasses import dataclass, replace
-
 import numpy as np
-from scipy import linalg
 
 from tagmap.conventions import Array, Index
-from tagmap.estimation.linear import Factorisation, NormalEquations, dense
-from tagmap.estimation.optimise import Optimum, Options, optimise
+from tagmap.estimation import robust
+from tagmap.estimation.kernels import window as kernel
+from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
+from tagmap.estimation.optimise import Options, optimise
+from tagmap.estimation.packing import (
+    Packed,
+    pack,
+    poses_in_space,
+    state_of,
+    tags_in_space,
+)
 from tagmap.estimation.points import Points, fit_tags
-from tagmap.estimation.problem import Prior, Problem, State
+from tagmap.estimation.problem import Problem
 from tagmap.estimation.restrict import restrict
 
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
-LEAST_INFORMATION = 1e-9
-WINDOW_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
-
-
-@dataclass(frozen=True, slots=True)
-class _Known:
-    """Tags of the growing map: their numbers, and how many sightings carry each."""
-
-    prior: Prior
-    tags: Index
-    support: Array
+LEAST_AGREEING = 1.4
+MU_STEP = 4.0
+MOST_MISFITS = 0.5
+LEAST_GROWN = 1.5
+JOINT_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
 
 
 def grow(problem: Problem, points: Points, poses: Index) -> Array:
     """Poses (n, D, D) of the chain `poses` in the frame of its first one.
 
-    `problem` is without scales and surveys; `points` are those of all its sightings.
+    `problem` is without calibration and surveys; `points` are those of all its sightings.
     """
-    size = problem.tag_dof + 1
-    T = np.empty((len(poses), size, size))
-    T[0] = np.eye(size)
-    if len(poses) == 1:
-        return T
-    steps = _steps(problem, poses)
-    known = _nothing_known(problem, T[0])
-    start = 0
-    while True:
-        stop = min(start + WINDOW, len(poses))
-        window = np.arange(start, stop)
-        for i in window[1:]:
-            T[i] = T[i - 1] @ steps[i - 1]
-        T[window], known = _advance(problem, points, poses[window], T[window], known)
-        if stop == len(poses):
-            return T
-        start = stop - 1
+    chain = restrict(problem, poses, np.arange(problem.n_tags))
+    return _Growth(chain, points.of_poses(poses[0], poses[-1])).run()
 
 
-def _steps(problem: Problem, poses: Index) -> Array:
-    """Odometry steps along the chain, (n - 1, D, D)."""
-    start, stop = np.searchsorted(problem.odometry.first, [poses[0], poses[-1]])
-    return problem.odometry.T[start:stop]
+class _Growth:
+    """What is known so far: poses T (n, 4, 4), tags p (M, 3), NaN if not, and how well."""
+
+    def __init__(self, problem: Problem, points: Points) -> None:
+        self._problem, self._points = problem, points
+        self._packed: Packed = pack(problem)
+        m = problem.n_tags
+        self._T = np.tile(np.eye(4), (problem.n_poses, 1, 1))
+        self._p = np.full((m, 3), np.nan)
+        self._information, self._support = np.zeros((m, 3, 3)), np.zeros(m)
+        self._sure = FIRST_SIGMA**2 * np.eye(6)
+        self._hold = _information_of(self._sure)
+        self._joined = 0
+
+    def run(self) -> Array:
+        """Poses (n, D, D)."""
+        start, n = 0, self._problem.n_poses
+        while start + 1 < n:
+            stop = min(start + WINDOW, n)
+            for i in range(start + 1, stop):
+                self._T[i] = self._T[i - 1] @ self._packed.steps.T[i - 1]
+            fits = self._advance(start, stop)
+            if start == 0 or (not fits and stop >= LEAST_GROWN * self._joined):
+                self._join(stop)
+            start = stop - 1
+        return state_of(self._problem.kind, self._T, self._p, np.zeros(0)).T
+
+    def _advance(self, start: int, stop: int) -> bool:
+        """Localise one window, of which the first pose is held, and learn from it; does it fit?"""
+        window, T = self._window(start, stop), self._T[start:stop]
+        known = np.isfinite(self._p[window.sighted.tag, 0])
+        good = kernel.localise(window, T, self._p, self._information, MU_STEP)
+        misfits = int((window.weight[known] < 0.5).sum())
+        if good and self._place_new_tags(start, stop):
+            good = kernel.localise(window, T, self._p, self._information, MU_STEP)
+        if good:
+            kernel.refit_tags(window, T, self._p, self._information, self._support)
+        self._forget(np.unique(window.sighted.tag))
+        self._hold = _information_of(window.D[-1] if good else self._sure)
+        return not good or misfits <= MOST_MISFITS * int(known.sum())
+
+    def _window(self, start: int, stop: int) -> kernel.Window:
+        """Views of what is packed, and room to work on them."""
+        packed = self._packed
+        a, b = packed.first[start], packed.first[stop]
+        n, k = stop - start, int(b - a)
+        sighted, m = packed.sighted, self._problem.n_tags
+        own = sighted._replace(
+            form=sighted.form[a:b],
+            rig=sighted.rig[a:b],
+            pose=sighted.pose[a:b] - start,
+            tag=sighted.tag[a:b],
+            mount=sighted.mount[a:b],
+            z=sighted.z[a:b],
+            whiten=sighted.whiten[a:b],
+            unknowns=sighted.unknowns[a:b],
+        )
+        steps = Steps(*(part[start : stop - 1] for part in packed.steps))
+        return kernel.Window(
+            sighted=own,
+            steps=steps,
+            linear=_room(packed.first[start : stop + 1] - a, own, n, m),
+            hold=self._hold,
+            T_hold=self._T[start].copy(),
+            pins=packed.pose_pins,
+            ones=np.ones(max(k, n)),
+            r2=np.zeros(k),
+            weight=np.ones(k),
+            next_weight=np.ones(k),
+            step_r2=np.zeros(n - 1),
+            step_weight=np.ones(n - 1),
+            next_step_weight=np.ones(n - 1),
+            step_bound=robust.step_bound(self._problem.pose_dof),
+            least_step=robust.LEAST_STEP,
+            L=np.zeros((n, 6, 6)),
+            D=np.zeros((n, 6, 6)),
+            u=np.zeros((n, 6)),
+            before=np.empty((n, 4, 4)),
+            work=np.empty((6, 6)),
+        )
+
+    def _place_new_tags(self, start: int, stop: int) -> bool:
+        """Tags nobody knew that the window sees, where all points so far have them."""
+        in_window = self._points.of_poses(start, stop - 1).tag
+        wanted = np.zeros(self._problem.n_tags, dtype=bool)
+        wanted[in_window] = np.isnan(self._p[in_window, 0])
+        if not wanted.any():
+            return False
+        d = self._problem.tag_dof
+        seen = self._points.of_poses(0, stop - 1)
+        T = state_of(self._problem.kind, self._T[:stop], self._p, np.zeros(0)).T
+        fit = fit_tags(seen.take(np.flatnonzero(wanted[seen.tag])), T, self._problem.n_tags)
+        new = np.flatnonzero(fit.determined & (fit.n >= LEAST_AGREEING))
+        self._p[new] = tags_in_space(fit.p[new])
+        self._information[new] = np.diag(self._packed.tag_pins)
+        self._information[new, :d, :d] = fit.information[new]
+        return bool(len(new))
+
+    def _forget(self, tags: Index) -> None:
+        """Tags that too few sightings carry."""
+        few = tags[self._support[tags] < LEAST_SIGHTINGS]
+        self._p[few], self._information[few], self._support[few] = np.nan, 0.0, 0.0
+
+    def _join(self, stop: int) -> None:
+        """Everything up to pose `stop` at once."""
+        self._joined = stop
+        known = np.flatnonzero(np.isfinite(self._p[:, 0]))
+        problem = restrict(self._problem, np.arange(stop), known)
+        start = state_of(problem.kind, self._T[:stop], self._p[known], np.zeros(0))
+        optimum = optimise(problem, start, JOINT_OPTIONS)
+        self._T[:stop] = poses_in_space(optimum.state.T)
+        self._p[known] = tags_in_space(optimum.state.p)
 
 
-def _nothing_known(problem: Problem, T: Array) -> _Known:
-    """But that the next pose to start from is T (D, D)."""
-    dof = problem.pose_dof
-    none = np.zeros(0, dtype=np.int64)
-    sure = np.eye(dof) / FIRST_SIGMA**2
-    prior = Prior(none, T, np.zeros((0, problem.tag_dof)), sure)
-    return _Known(prior, none, np.zeros(0))
-
-
-def _advance(
-    problem: Problem, points: Points, poses: Index, T: Array, known: _Known
-) -> tuple[Array, _Known]:
-    """Optimise one window whose first pose the prior holds; return its poses and the new prior."""
-    new = _new_tags(points, poses, T, known.tags, problem.n_tags)
-    tags = np.union1d(known.tags, new.tags)
-    p = np.empty((len(tags), problem.tag_dof))
-    p[np.searchsorted(tags, new.tags)] = new.p
-    at = np.searchsorted(tags, known.tags)
-    p[at] = known.prior.p
-    window = replace(restrict(problem, poses, tags), prior=replace(known.prior, tag=at))
-    optimum = optimise(window, State(T, p, np.ones(0)), WINDOW_OPTIONS)
-    support = _support(window, optimum)
-    support[at] += known.support
-    return optimum.state.T, _condense(window, optimum, tags, support)
-
-
-@dataclass(frozen=True, slots=True)
-class _NewTags:
-    tags: Index
-    p: Array
-
-
-def _new_tags(points: Points, poses: Index, T: Array, known: Index, n_tags: int) -> _NewTags:
-    """Start positions of the tags that the window sees and nobody knew."""
-    seen = points.of_poses(poses[0], poses[-1])
-    unknown = np.flatnonzero(~np.isin(seen.tag, known))
-    if not len(unknown):
-        return _NewTags(unknown, np.zeros((0, T.shape[-1] - 1)))
-    fit = fit_tags(seen.take(unknown), T, n_tags)
-    tags = np.flatnonzero(fit.determined)
-    return _NewTags(tags, fit.p[tags])
-
-
-def _support(window: Problem, optimum: Optimum) -> Array:
-    """Sum of robust weights per tag, (M,)."""
-    support = np.zeros(window.n_tags)
-    for block, w in zip(window.sightings, optimum.weights.sightings, strict=True):
-        np.add.at(support, block.tag, w)
-    return support
-
-
-def _condense(window: Problem, optimum: Optimum, tags: Index, support: Array) -> _Known:
-    """Marginalise all but the last pose, and the tags that too few sightings carry.
-
-    Where rounding leaves nothing positive definite of it, the window is forgotten.
-    """
-    state = optimum.state
-    lasting = np.flatnonzero(support >= LEAST_SIGHTINGS)
+def _information_of(cov: Array) -> Array:
+    """Inverse (6, 6); nothing where rounding leaves none."""
     try:
-        whole = _last_pose_and_tags(optimum.equations, window.pose_dof)
-        information = _marginal(whole, _columns(lasting, window))
-    except linalg.LinAlgError:
-        return _nothing_known(window, state.T[-1])
-    prior = Prior(lasting, state.T[-1], state.p[lasting], information)
-    return _Known(prior, tags[lasting], support[lasting])
+        information: Array = np.linalg.inv(cov)
+    except np.linalg.LinAlgError:
+        return np.zeros((6, 6))
+    return information if np.isfinite(information).all() else np.zeros((6, 6))
 
 
-def _marginal(information: Array, kept: Index) -> Array:
-    """Schur complement on the columns `kept`. Raises LinAlgError if not positive definite."""
-    gone = np.setdiff1d(np.arange(len(information)), kept)
-    reduced = information[np.ix_(kept, kept)]
-    if len(gone):
-        block = information[np.ix_(gone, gone)] + LEAST_INFORMATION * np.eye(len(gone))
-        cross = information[np.ix_(gone, kept)]
-        reduced = reduced - cross.T @ linalg.cho_solve(linalg.cho_factor(block), cross)
-    linalg.cholesky(reduced)
-    symmetric: Array = 0.5 * (reduced + reduced.T)
-    return symmetric
-
-
-def _columns(tags: Index, window: Problem) -> Index:
-    """Columns of the last pose and of `tags` where that pose comes before all tags."""
-    dof, d = window.pose_dof, window.tag_dof
-    return np.concatenate([np.arange(dof), (dof + tags[:, None] * d + np.arange(d)).ravel()])
-
-
-def _last_pose_and_tags(equations: NormalEquations, dof: int) -> Array:
-    """Schur complement on (last pose, border): the last pose joins the border."""
-    coupling = dense(equations.coupling)
-    last = coupling[-dof:]
-    border = np.block([[equations.diagonal[-1], last], [last.T, equations.border]])
-    rows = len(coupling) - dof
-    if not rows:
-        return border
-    link = np.zeros((rows, dof))
-    link[-dof:] = equations.next[-1].T
-    rest = NormalEquations(
-        equations.diagonal[:-1],
-        equations.next[:-1],
-        np.hstack([link, coupling[:rows]]),
-        border,
-        equations.gradient_pose[:-1],
-        np.zeros(len(border)),
+def _room(first: Index, sighted: Sighted, n: int, m: int) -> Linear:
+    k = len(sighted.tag)
+    return Linear(
+        first=first,
+        tag=sighted.tag,
+        seen=np.zeros((k, 9)),
+        gradient=np.zeros((k, 3)),
+        diagonal=np.zeros((n, 6, 6)),
+        following=np.zeros((n - 1, 6, 6)),
+        pose_gradient=np.zeros((n, 6)),
+        tag_diagonal=np.zeros((m, 3, 3)),
+        tag_gradient=np.zeros((m, 3)),
+        pose_calibration=np.zeros((n, 6, 0)),
+        slot_column=np.zeros((n, 0), dtype=np.int64),
+        tag_calibration=np.zeros((m, 3, 0)),
+        calibration=np.zeros((0, 0)),
+        calibration_gradient=np.zeros(0),
+        step_column=np.zeros((n - 1, 0), dtype=np.int64),
+        step_calibration=np.zeros((n - 1, 6, 0)),
+        step_corner=np.zeros((n - 1, 0, 0)),
     )
-    return Factorisation(rest).schur

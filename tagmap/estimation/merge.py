@@ -6,8 +6,8 @@ from math import comb
 
 import numpy as np
 
-from tagmap.conventions import TAG_DOF, Array, Index, Kind
-from tagmap.estimation.factors import lie
+from tagmap.conventions import TAG_DOF, Array, Index, Kind, Mask
+from tagmap.estimation.problem import lie
 from tagmap.geometry.alignment import align
 
 MOST_SAMPLES = 300
@@ -22,6 +22,9 @@ class LocalMap:
     tags: Index
     p: Array
     sigma: Array
+
+    def take(self, keep: Mask) -> "LocalMap":
+        return LocalMap(self.tags[keep], self.p[keep], self.sigma[keep])
 
 
 @dataclass(frozen=True, slots=True)

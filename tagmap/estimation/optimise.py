@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
 from tagmap.conventions import Array
 from tagmap.estimation import robust
 from tagmap.estimation.gauge import free_directions
-from tagmap.estimation.linear import Factorisation, NormalEquations
-from tagmap.estimation.linearise import linearise, updated
+from tagmap.estimation.kernels.sightings import KEEP, PLAIN
 from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.residuals import Residuals, Weights, squared_residuals, weighted_cost
+from tagmap.estimation.reduced import Precondition, Reduced, Step
+from tagmap.estimation.residuals import Residuals, Weights
+from tagmap.estimation.system import Belief, Point, System
 
 # While steps still gain more than this part of the cost, the weights wait: sharpened early, they
 # would cut off what the state has yet to come near.
@@ -19,30 +19,34 @@ SHARPEN_BELOW = 0.1
 DAMPING_FIRST = 1e-6
 DAMPING_LEAST = 1e-12
 DAMPING_MOST = 1e8
+MANY_PRODUCTS = 25
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
-    mu_step: factor by which the robust weights sharpen at a time.
+    mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any.
+    renewals: of the preconditioner, at the first steps.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
 
     max_iterations: int = 200
     tolerance: float = 1e-10
-    mu_step: float = 2.0
+    mu_step: float = 4.0
     max_regroupings: int = 20
+    robust: bool = True
+    renewals: int = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """The minimum found and how it was reached; `equations` are those at the minimum."""
+    """The minimum found and how it was reached."""
 
     state: State
     weights: Weights
-    equations: NormalEquations
+    residuals: Residuals
     cost: float
     iterations: int
     converged: bool
@@ -50,80 +54,115 @@ class Optimum:
 
 def optimise(problem: Problem, state: State, options: Options) -> Optimum:
     """Minimise the robust cost from `state`; a free gauge stays where `state` has it."""
-    residuals = squared_residuals(problem, state)
-    mu = robust.first_mu(problem, residuals)
-    weights = robust.weights_at(problem, residuals, mu)
-    damping = DAMPING_FIRST
-    regroupings = iterations = 0
-    equations = linearise(problem, state, weights)
-    settled = False
-    while iterations < options.max_iterations and not settled:
-        iterations += 1
-        moved = _descend(problem, state, residuals, weights, equations, damping, options.tolerance)
-        if moved is None:
-            break
-        state, residuals, damping, decrease = moved
-        sharp = mu >= robust.SHARPEST
-        converged = sharp and decrease <= options.tolerance
-        if decrease <= SHARPEN_BELOW:
-            mu = min(mu * options.mu_step, robust.SHARPEST)
-        if regroupings < options.max_regroupings:
-            new = robust.weights_at(problem, residuals, mu)
-            regrouped = sharp and not _same(new, weights)
-            regroupings += regrouped
-            weights = new
-            settled = converged and not regrouped
-        else:
-            settled = converged
-        equations = linearise(problem, state, weights)
-    cost = weighted_cost(residuals, weights)
-    return Optimum(state, weights, equations, cost, iterations, settled)
+    return Optimiser(problem, options).run(state)
 
 
-def _same(a: Weights, b: Weights) -> bool:
-    blocks = zip(a.sightings, b.sightings, strict=True)
-    return all(np.array_equal(x, y) for x, y in blocks) and np.array_equal(a.surveyed, b.surveyed)
+class Optimiser:
+    """One run over one problem."""
 
+    def __init__(
+        self, problem: Problem, options: Options, precondition: Precondition | None = None
+    ) -> None:
+        self._problem, self._options = problem, options
+        self._system = System(problem)
+        self._reduced = Reduced(self._system)
+        self._reduced.precondition = precondition
+        self._damping = DAMPING_FIRST
+        self._mu = KEEP if options.robust else PLAIN
+        self._regroupings = 0
+        self._renewals = 0
+        self._products = 0
 
-def _descend(
-    problem: Problem,
-    state: State,
-    residuals: Residuals,
-    weights: Weights,
-    equations: NormalEquations,
-    damping: float,
-    tolerance: float,
-) -> tuple[State, Residuals, float, float] | None:
-    """One accepted step: new state, its residuals, next damping, predicted relative decrease.
+    def run(self, state: State) -> Optimum:
+        point = self._first(state)
+        iterations, settled = 0, False
+        while iterations < self._options.max_iterations and not settled:
+            iterations += 1
+            moved = self._descend(point)
+            if moved is None:
+                break
+            point, settled = moved
+        return Optimum(
+            self._system.state(point.values),
+            self._system.weights(point.belief),
+            self._system.residuals(point.squares),
+            point.cost,
+            iterations,
+            settled and not self._lacks(point),
+        )
 
-    At the optimum, where nothing of the `tolerance` is left to gain, the state
-    stays. None if no damping helps.
-    """
-    cost = weighted_cost(residuals, weights)
-    gauge = free_directions(problem, state)
-    while damping <= DAMPING_MOST:
-        step = _step(equations, damping, gauge)
-        if step is not None:
-            poses, border, predicted = step
-            trial = updated(problem, state, poses, border)
-            trial_residuals = squared_residuals(problem, trial)
-            decrease = predicted / max(cost, 1.0)
-            if weighted_cost(trial_residuals, weights) <= cost:
-                return trial, trial_residuals, max(damping * 0.1, DAMPING_LEAST), decrease
-            if decrease <= tolerance:
-                return state, residuals, damping, decrease
-        damping = max(damping * 10.0, 1e-9)
-    return None
+    def _lacks(self, point: Point) -> bool:
+        """Whether least squares ended without some of its sightings: tags behind their cameras."""
+        return self._mu == PLAIN and not point.belief.sightings.all()
 
+    @property
+    def precondition(self) -> Precondition | None:
+        """As it was at the end, for a problem that differs little."""
+        return self._reduced.precondition
 
-def _step(
-    equations: NormalEquations, damping: float, gauge: Array | None
-) -> tuple[Array, Array, float] | None:
-    """Step and the decrease of the cost that the linear model predicts; None if not solvable."""
-    try:
-        poses, border = Factorisation(equations, damping, gauge).step()
-    except linalg.LinAlgError:
+    def _first(self, state: State) -> Point:
+        values = self._system.values(state)
+        point = self._system.at(values, self._system.certain())
+        if not self._options.robust:
+            return point
+        sighted = self._system.packed.sighted
+        self._mu = robust.first_mu(point.squares.sightings, sighted.c2[sighted.form])
+        self._system.release(point)
+        return self._system.at(values, point.belief, self._kernel_mu())
+
+    @property
+    def _sharp(self) -> bool:
+        return self._mu < 0.0 or self._mu >= robust.SHARPEST
+
+    def _kernel_mu(self) -> float:
+        """To kernels the sharpest weights are 0 or 1."""
+        return np.inf if self._mu >= robust.SHARPEST else self._mu
+
+    def _descend(self, point: Point) -> tuple[Point, bool] | None:
+        """One accepted step, and whether it was the last; None if no damping helps."""
+        gauge = self._gauge(point)
+        while self._damping <= DAMPING_MOST:
+            if self._prepare(point, gauge):
+                gain = self._options.tolerance * max(point.cost, 1.0)
+                if self._sharp and self._reduced.bound() <= gain:
+                    return point, True
+                step = self._reduced.step(0.1 * gain)
+                self._products = step.products
+                if self._sharp and step.predicted <= gain:
+                    return point, True
+                trial = self._try(point, step)
+                if trial.asked <= point.cost:
+                    self._system.release(point)
+                    self._damping = max(self._damping * 0.1, DAMPING_LEAST)
+                    self._count_regrouping(point, trial)
+                    return trial, False
+                self._system.release(trial)
+            self._damping = max(self._damping * 10.0, 1e-9)
         return None
-    predicted = -float(np.vdot(poses, equations.gradient_pose))
-    predicted -= float(border @ equations.gradient_border)
-    return poses, border, predicted
+
+    def _prepare(self, point: Point, gauge: Array | None) -> bool:
+        few = self._renewals < self._options.renewals
+        renew = few or self._products > MANY_PRODUCTS
+        self._renewals += renew
+        return self._reduced.prepare(point, self._damping, renew, gauge)
+
+    def _try(self, point: Point, step: Step) -> Point:
+        if step.predicted <= SHARPEN_BELOW * point.cost and self._mu > 0.0:
+            self._mu = min(self._mu * self._options.mu_step, robust.SHARPEST)
+        values = self._system.moved(point.values, step.poses, step.tags, step.calibration)
+        return self._system.at(values, point.belief, self._kernel_mu())
+
+    def _count_regrouping(self, point: Point, trial: Point) -> None:
+        if self._mu < 0.0 or not self._sharp:
+            return
+        self._regroupings += not _same(point.belief, trial.belief)
+        if self._regroupings >= self._options.max_regroupings:
+            self._mu = KEEP
+
+    def _gauge(self, point: Point) -> Array | None:
+        return free_directions(self._problem, point.values.p)
+
+
+def _same(a: Belief, b: Belief) -> bool:
+    pairs = (a.sightings, b.sightings), (a.surveyed, b.surveyed), (a.steps, b.steps)
+    return all(np.array_equal(x, y) for x, y in pairs)

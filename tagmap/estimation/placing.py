@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from tagmap.conventions import Array, Index, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.merge import Alignment, LocalMap, align_maps, least_shared
 from tagmap.geometry.alignment import align
 

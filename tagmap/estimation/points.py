@@ -4,11 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tagmap.conventions import Array, Index, Mask
-from tagmap.estimation.factors import lie
+from tagmap.conventions import Array, Index, Kind, Mask
+from tagmap.estimation.kernels import tag_fit
+from tagmap.estimation.packing import poses_in_space
+from tagmap.estimation.problem import lie
 from tagmap.estimation.problem import Problem, Sightings
-from tagmap.estimation.sums import sum_by
-from tagmap.geometry import camera, measurement
+from tagmap.estimation.unknowns import CAMERA, UnknownName
+from tagmap.geometry import camera, measurement, se2, se3
 
 ROBUST_ROUNDS = 10
 LEAST_PARALLAX = 1e-3
@@ -20,13 +22,15 @@ LEAST_DETERMINANT = 1e-12
 class Points:
     """What each sighting says about where its tag is in base, as a Gaussian in information form.
 
-    pose, tag (K,); p_base (K, d); information (K, d, d), of rank 1 less for a direction only.
+    pose, tag (K,); p_base (K, d); information (K, d, d), of rank 1 less for a direction only;
+    row (K,): the number of the sighting, counted through all blocks of the problem.
     """
 
     pose: Index
     tag: Index
     p_base: Array
     information: Array
+    row: Index
 
     def of_poses(self, first: int, last: int) -> "Points":
         """The points of poses first..last, both included, whose poses are then numbered from 0."""
@@ -35,38 +39,71 @@ class Points:
         return replace(part, pose=part.pose - first)
 
     def take(self, keep: Index | slice) -> "Points":
-        return Points(self.pose[keep], self.tag[keep], self.p_base[keep], self.information[keep])
+        return Points(*(getattr(self, name)[keep] for name in _FIELDS))
+
+    def distances(self, T: Array, p: Array) -> Array:
+        """Squared distances (K,) from tags p (M, d), by the points' own information; poses T."""
+        group = se2 if p.shape[1] == 2 else se3
+        offset = group.act(group.inverse(T), p[self.tag]) - self.p_base
+        square: Array = np.einsum("ka,kab,kb->k", offset, self.information, offset)
+        return square
 
 
-def points_of(problem: Problem) -> Points:
-    """Points of all sightings that give one, ascending by pose; a negative disparity gives none."""
-    parts = [_points_of_block(problem, block) for block in problem.sightings]
+_FIELDS = ("pose", "tag", "p_base", "information", "row")
+
+
+def points_of(problem: Problem, calibration: Array | None = None) -> Points:
+    """Points of all sightings that give one, ascending by pose; a negative disparity gives none.
+
+    calibration (Q,): values of the problem's unknowns; without them sensors are as stated.
+    """
+    parts, n = [], 0
+    for block in problem.sightings:
+        part = _points_of_block(problem, block, {} if calibration is None else {
+            problem.calibration[u].name: float(calibration[u]) for u in block.unknowns
+        })
+        parts.append(replace(part, row=part.row + n))
+        n += len(block)
     parts = [part for part in parts if len(part.pose)]
     d = problem.tag_dof
     if not parts:
         none = np.zeros(0, dtype=np.int64)
-        return Points(none, none, np.zeros((0, d)), np.zeros((0, d, d)))
-    together = Points(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("pose", "tag", "p_base", "information")
-        )
-    )
+        return Points(none, none, np.zeros((0, d)), np.zeros((0, d, d)), none)
+    together = Points(*(np.concatenate([getattr(one, name) for one in parts]) for name in _FIELDS))
     return together.take(np.argsort(together.pose, kind="stable"))
 
 
-def _points_of_block(problem: Problem, block: Sightings) -> Points:
+def _points_of_block(
+    problem: Problem, block: Sightings, sensor: dict[UnknownName, float]
+) -> Points:
     L = np.asarray(np.linalg.inv(block.whiten), dtype=np.float64)
     cov = L @ np.swapaxes(L, -1, -2)
-    given = measurement.to_point(block.form, problem.kind, block.z, cov, block.rig)
+    z = block.z.copy()
+    if block.form == "stereo_px":
+        z[:, 2] += sensor.get("disparity_px", 0.0)
+    given = measurement.to_point(block.form, problem.kind, z, cov, block.rig)
     p_cam, information = _directions(block) if given is None else _informed(*given)
     d = problem.tag_dof
-    T_base_cam = lie(problem.kind).inverse(block.T_cam_base)
+    T_base_cam = _mounts(problem.kind, block, sensor)
     R = T_base_cam[:, :d, :d]
-    p_base = lie(problem.kind).act(T_base_cam, p_cam)
-    information = R @ information @ np.swapaxes(R, -1, -2)
+    scale = sensor.get("range_scale", 1.0) * sensor.get("stereo_scale", 1.0)
+    p_base = lie(problem.kind).act(T_base_cam, p_cam / scale)
+    information = R @ (scale**2 * information) @ np.swapaxes(R, -1, -2)
     good = np.isfinite(p_base.sum(axis=1) + information.sum(axis=(1, 2)))
-    return Points(block.pose, block.tag, p_base, information).take(np.flatnonzero(good))
+    every = np.arange(len(block))
+    return Points(block.pose, block.tag, p_base, information, every).take(np.flatnonzero(good))
+
+
+def _mounts(kind: Kind, block: Sightings, sensor: dict[UnknownName, float]) -> Array:
+    """T_base_cam (K, D, D): base at the time stamp, the camera where it is when it exposes."""
+    group = lie(kind)
+    T_base_cam: Array = group.inverse(block.T_cam_base)
+    if any(name.startswith("camera") for name in sensor):
+        offset = [sensor.get(name, 0.0) for part in CAMERA[kind] for name in part]
+        T_base_cam = T_base_cam @ group.exp(np.array(offset))
+    if block.twist is not None and "time_offset_s" in sensor:
+        T_base_cam = group.exp(sensor["time_offset_s"] * block.twist) @ T_base_cam
+    return T_base_cam
 
 
 def _informed(p_cam: Array, cov: Array) -> tuple[Array, Array]:
@@ -116,51 +153,17 @@ class TagFit:
 def fit_tags(points: Points, T: Array, n_tags: int) -> TagFit:
     """Robust information-weighted mean per tag (iteratively reweighted, Cauchy loss).
 
-    T (N, D, D): poses. The rounds begin at the coordinate-wise median, so a minority of wrong
-    identities does not move it.
+    T (N, D, D): poses. The rounds begin where most points agree: wrong identities, which agree on
+    nothing, do not move it.
     """
     d = T.shape[-1] - 1
-    tags, number = np.unique(points.tag, return_inverse=True)
-    part = _fit(replace(points, tag=number), T, len(tags))
-    p, information, n = np.full((n_tags, d), np.nan), np.zeros((n_tags, d, d)), np.zeros(n_tags)
-    p[tags], information[tags], n[tags] = part.p, part.information, part.n
-    return TagFit(p, information, n)
-
-
-def _fit(points: Points, T: Array, n_tags: int) -> TagFit:
-    d = T.shape[-1] - 1
-    T_point = T[points.pose]
-    R = T_point[:, :d, :d]
-    p_map = np.einsum("kij,kj->ki", R, points.p_base) + T_point[:, :d, d]
-    information = R @ points.information @ np.swapaxes(R, -1, -2)
-    full = _well_conditioned(points.information)
-    mean = _medians(points.tag[full], p_map[full], n_tags)
-    for _ in range(ROBUST_ROUNDS):
-        offset = p_map - mean[points.tag]
-        r2 = np.einsum("ki,kij,kj->k", offset, information, offset)
-        w = np.where(np.isnan(r2), 1.0, 1.0 / (1.0 + r2 / d))
-        total = sum_by(points.tag, n_tags, information * w[:, None, None])
-        moment = np.einsum("kij,kj,k->ki", information, p_map, w)
-        solvable = _well_conditioned(total)
-        mean = np.full((n_tags, d), np.nan)
-        rhs = sum_by(points.tag, n_tags, moment)[solvable]
-        mean[solvable] = np.linalg.solve(total[solvable], rhs[:, :, None])[:, :, 0]
-    n = np.bincount(points.tag, weights=w, minlength=n_tags)
-    total[~solvable] = 0.0
-    return TagFit(mean, total, np.where(solvable, n, 0.0))
-
-
-def _medians(tag: Index, p: Array, n_tags: int) -> Array:
-    medians = np.full((n_tags, p.shape[1]), np.nan)
-    order = np.argsort(tag, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(tag[order])) + 1) if len(tag) else []
-    for group in groups:
-        medians[tag[group[0]]] = np.median(p[group], axis=0)
-    return medians
-
-
-def _well_conditioned(information: Array) -> Mask:
-    """True where every direction is known at least 1e-3 as well as the best one (in sigma)."""
-    eigenvalues = np.linalg.eigvalsh(information)
-    good: Mask = eigenvalues[:, 0] > LEAST_PARALLAX**2 * eigenvalues[:, -1]
-    return good & (eigenvalues[:, -1] > 0.0)
+    order = np.argsort(points.tag, kind="stable")
+    k = len(order)
+    p_base, information = np.zeros((k, 3)), np.zeros((k, 3, 3))
+    p_base[:, :d], information[:, :d, :d] = points.p_base[order], points.information[order]
+    p_map, I_map = np.empty((k, 3)), np.empty((k, 6))
+    tag_fit.to_map(points.pose[order], p_base, information, poses_in_space(T), p_map, I_map)
+    start = np.searchsorted(points.tag[order], np.arange(n_tags + 1))
+    mean, total, n = np.empty((n_tags, 3)), np.empty((n_tags, 3, 3)), np.empty(n_tags)
+    tag_fit.fit(start, p_map, I_map, d, LEAST_PARALLAX**2, ROBUST_ROUNDS, mean, total, n)
+    return TagFit(mean[:, :d].copy(), total[:, :d, :d].copy(), n)

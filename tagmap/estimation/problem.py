@@ -1,10 +1,10 @@
-"""The joint problem as stacked arrays: all poses of all robots, all tags, a few common scales.
+"""The joint problem as stacked arrays: all poses of all robots, all tags, a few numbers of calibration.
 
-    unknowns   T (N poses)  p (M tags)  s (scales)        update T <- T @ exp(delta), p + dp, s + ds
-    residuals  sighting   L^-1 (z - h(T_cam_base T_map_base^-1 p; s))       pose i, tag j, scale
-               odometry   L^-1 log(T_prev_cur^-1 T_i^-1 T_i+1)              poses i, i + 1
+    unknowns   T (N poses)  p (M tags)  c (calibration)   update T <- T @ exp(delta), p + dp, c + dc
+    residuals  sighting   L^-1 (z - h(T_cam_base T_map_base^-1 p; c))       pose i, tag j, some of c
+               odometry   L^-1 log(T_prev_cur(c)^-1 T_i^-1 T_i+1)           poses i, i + 1, some of c
                survey     L^-1 (p - p_surveyed)                             tag j
-               scale      (s - 1) / sigma                                   scale
+               prior      (c - mean) / sigma                                each of c
     each squared, whitened by its covariance cov = L L^T.
 
 Poses are numbered so that a chain of odometry steps has consecutive numbers: the pose part of the
@@ -12,15 +12,16 @@ normal equations is then block tridiagonal.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from types import ModuleType
 
 import numpy as np
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
+from tagmap.estimation.condensed import Condensed
+from tagmap.estimation.unknowns import Unknown
+from tagmap.geometry import se2, se3
 from tagmap.geometry.stereo import StereoRig
 from tagmap.records.keyframe import Form
-
-ScaleName: TypeAlias = Literal["range", "stereo"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,9 @@ class Sightings:
     """K sightings of one form, and of one rig if the form is in pixels; ascending by pose.
 
     pose (K,), tag (K,); z (K, c); whiten (K, c, c) with whiten cov whiten^T = I;
-    T_cam_base (K, D, D); scale: index into the problem's scales, or -1.
+    T_cam_base (K, D, D). unknowns: places among the problem's calibration of those that all of the
+    block depend on. twist (K, dof): motion of base per second, in its own axes, where the time
+    offset is one of them.
     """
 
     form: Form
@@ -38,7 +41,8 @@ class Sightings:
     z: Array
     whiten: Array
     T_cam_base: Array
-    scale: int
+    unknowns: tuple[int, ...] = ()
+    twist: Array | None = None
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -46,19 +50,26 @@ class Sightings:
     def take(self, keep: Index | slice) -> "Sightings":
         """The sightings with the given numbers, in that order."""
         fields = ("pose", "tag", "z", "whiten", "T_cam_base")
-        return replace(self, **{name: getattr(self, name)[keep] for name in fields})
+        twist = None if self.twist is None else self.twist[keep]
+        return replace(self, twist=twist, **{name: getattr(self, name)[keep] for name in fields})
 
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """Steps from pose `first` (K,), ascending, to the next; T (K, D, D), whiten (K, dof, dof)."""
+    """Steps from pose `first` (K,), ascending, to the next; T (K, D, D), whiten (K, dof, dof).
+
+    unknowns (K, 2): places among the problem's calibration of the odometry scale and of the wheel
+    base, -1 for none; None: none at all.
+    """
 
     first: Index
     T: Array
     whiten: Array
+    unknowns: Index | None = None
 
     def take(self, keep: Index | slice) -> "Odometry":
-        return Odometry(self.first[keep], self.T[keep], self.whiten[keep])
+        unknowns = None if self.unknowns is None else self.unknowns[keep]
+        return Odometry(self.first[keep], self.T[keep], self.whiten[keep], unknowns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,21 +88,8 @@ class Surveyed:
 
 
 @dataclass(frozen=True, slots=True)
-class Prior:
-    """What earlier keyframes said, condensed: a Gaussian on the first pose and some tags.
-
-    tag (M,); T (D, D), p (M, d): its mean; information (dof + M d, dof + M d), pose first.
-    """
-
-    tag: Index
-    T: Array
-    p: Array
-    information: Array
-
-
-@dataclass(frozen=True, slots=True)
 class Problem:
-    """See the module's drawing. scale_sigma (S,): prior of each common scale about 1."""
+    """See the module's drawing."""
 
     kind: Kind
     n_poses: int
@@ -99,9 +97,8 @@ class Problem:
     odometry: Odometry
     sightings: tuple[Sightings, ...]
     surveyed: Surveyed
-    scale_names: tuple[ScaleName, ...]
-    scale_sigma: Array
-    prior: Prior | None = None
+    calibration: tuple[Unknown, ...] = ()
+    condensed: Condensed | None = None
 
     @property
     def pose_dof(self) -> int:
@@ -117,17 +114,32 @@ class Problem:
 
     @property
     def n_border(self) -> int:
-        """Unknowns that are not poses: tags, then scales."""
-        return self.n_tags * self.tag_dof + len(self.scale_names)
+        """Unknowns that are not poses: tags, then calibration."""
+        return self.n_tags * self.tag_dof + len(self.calibration)
+
+    @property
+    def prior_mean(self) -> Array:
+        """Of the calibration (Q,)."""
+        return np.array([unknown.mean for unknown in self.calibration], dtype=float)
+
+    @property
+    def prior_sigma(self) -> Array:
+        """Of the calibration (Q,)."""
+        return np.array([unknown.sigma for unknown in self.calibration], dtype=float)
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Values of the unknowns: T (N, D, D), p (M, d), scale (S,)."""
+    """Values of the unknowns: T (N, D, D), p (M, d), calibration (Q,)."""
 
     T: Array
     p: Array
-    scale: Array
+    calibration: Array
+
+
+def lie(kind: Kind) -> ModuleType:
+    """se3 or se2: the group of the poses."""
+    return se3 if kind == "spatial" else se2
 
 
 def whitening(cov: Array) -> Array:

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from tagmap.estimation.merge import least_shared
-from tagmap.estimation.residuals import squared_residuals
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import LEAST_SURVEYED, survey_map
@@ -80,7 +79,7 @@ def _tags(settled: Settled) -> Iterator[str]:
 def _surveys(settled: Settled) -> Iterator[str]:
     """Surveyed positions that the robots' sightings contradict."""
     surveyed, optimum = settled.problem.surveyed, settled.optimum
-    r2 = squared_residuals(settled.problem, optimum.state).surveyed
+    r2 = optimum.residuals.surveyed
     for i in np.flatnonzero(optimum.weights.surveyed < INLIER_WEIGHT):
         number = surveyed.tag[i]
         off = np.linalg.norm(optimum.state.p[number] - surveyed.p[i])

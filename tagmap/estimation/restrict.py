@@ -21,14 +21,18 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
         odometry=_odometry(problem.odometry, poses),
         sightings=tuple(_sightings(block, poses, new_tag) for block in problem.sightings),
         surveyed=_surveyed(problem.surveyed, new_tag),
-        prior=None,
+        condensed=None if problem.condensed is None else problem.condensed.take(tags),
     )
 
 
-def without_scales(problem: Problem) -> Problem:
-    """The problem with every common scale taken as exactly 1."""
-    blocks = tuple(replace(block, scale=-1) for block in problem.sightings)
-    return replace(problem, sightings=blocks, scale_names=(), scale_sigma=np.zeros(0))
+def without_calibration(problem: Problem) -> Problem:
+    """The problem with every sensor taken to be as stated."""
+    return replace(
+        problem,
+        sightings=tuple(replace(block, unknowns=(), twist=None) for block in problem.sightings),
+        odometry=replace(problem.odometry, unknowns=None),
+        calibration=(),
+    )
 
 
 def without_surveys(problem: Problem) -> Problem:

@@ -10,39 +10,38 @@ Tzoumas, Carlone, "Graduated Non-Convexity for Robust Spatial Perception", RA-L 
 for mu growing from nearly 0 (w ~ 1 / r, a convex cost) to SHARPEST, beyond which weights are 0 or
 1: then the last steps converge quadratically.
 `c2` is a chi-square quantile of the factor's dimension: nothing here is tuned to a data set.
-Odometry is not down-weighted: a chain cut at one bad step would fall apart.
+Odometry steps are cut off too where they are far off (a wheel slips), but hold on by a thread: a
+part of the chain that nothing else determines then follows its step, which so is met and believed.
 """
 
 from functools import cache
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from tagmap.conventions import Array
 from tagmap.estimation.problem import Problem
-from tagmap.estimation.residuals import Residuals, Weights
+from tagmap.estimation.residuals import Weights
 
 INLIER_PROBABILITY = 0.99
+SLIP_PROBABILITY = 1e-15
+LEAST_STEP = 1e-6
 SHARPEST = 100.0
+BLUNT = 1.0
 BLUNTEST = 1e-4
+MOST = 0.95
 
 
 @cache
 def chi2_bound(dimension: int) -> float:
     """The c2 that INLIER_PROBABILITY of true measurements stay below."""
-    return float(stats.chi2.ppf(INLIER_PROBABILITY, dimension))
+    return float(special.chdtri(dimension, 1.0 - INLIER_PROBABILITY))
 
 
-def weights_at(problem: Problem, residuals: Residuals, mu: float) -> Weights:
-    """Weights of sightings and surveyed tags, 0..1."""
-    return Weights(
-        tuple(
-            truncated(r2, chi2_bound(block.z.shape[1]), mu)
-            for block, r2 in zip(problem.sightings, residuals.sightings, strict=True)
-        ),
-        np.ones_like(residuals.odometry),
-        truncated(residuals.surveyed, chi2_bound(problem.tag_dof), mu),
-    )
+@cache
+def step_bound(dimension: int) -> float:
+    """The c2 of odometry steps, about 9 sigma: what is above is a slip, no step of wide tails."""
+    return float(special.chdtri(dimension, SLIP_PROBABILITY))
 
 
 def truncated(r2: Array, c2: float, mu: float) -> Array:
@@ -54,16 +53,14 @@ def truncated(r2: Array, c2: float, mu: float) -> Array:
     return w
 
 
-def first_mu(problem: Problem, residuals: Residuals) -> float:
-    """mu at which the surrogate is convex for the worst residual: c2 / (2 max r2 - c2)."""
-    ratio = max(
-        (
-            float(np.max(r2[np.isfinite(r2)], initial=0.0)) / chi2_bound(block.z.shape[1])
-            for block, r2 in zip(problem.sightings, residuals.sightings, strict=True)
-        ),
-        default=0.0,
-    )
-    return float(np.clip(1.0 / max(2.0 * ratio - 1.0, 1e-9), BLUNTEST, SHARPEST))
+def first_mu(r2: Array, c2: Array) -> float:
+    """mu at which the surrogate is convex for MOST residuals: c2 / (2 r2 - c2).
+
+    Not for the worst: one wrong identity would make a good start begin all over again.
+    """
+    ratio = np.where(np.isfinite(r2), r2 / c2, np.inf)
+    worst = float(np.quantile(ratio, MOST, method="higher")) if len(ratio) else 0.0
+    return float(np.clip(1.0 / max(2.0 * worst - 1.0, 1e-9), BLUNTEST, BLUNT))
 
 
 def efficient(problem: Problem, weights: Weights) -> Weights:
@@ -84,5 +81,5 @@ def efficient(problem: Problem, weights: Weights) -> Weights:
 @cache
 def efficiency(dimension: int) -> float:
     """What an accepted measurement of that dimension is worth."""
-    kept = stats.chi2.cdf(chi2_bound(dimension), dimension + 2)
+    kept = special.chdtr(dimension + 2, chi2_bound(dimension))
     return float(kept / INLIER_PROBABILITY)

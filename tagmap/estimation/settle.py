@@ -1,5 +1,7 @@
 """Optimise, see what the surviving sightings still determine, withhold the rest, repeat."""
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,13 +10,16 @@ from scipy import linalg
 from tagmap.conventions import Array, Index
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.optimise import Optimum, Options, optimise
+from tagmap.estimation.points import Points, points_of
 from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.residuals import Weights
-from tagmap.estimation.restrict import restrict, without_surveys
+from tagmap.estimation.restrict import restrict, without_calibration, without_surveys
+from tagmap.estimation.revote import Votes, revoted
 from tagmap.estimation.stack import Stacked
-from tagmap.estimation.start import Start, start_at, start_from_nothing
+from tagmap.estimation.start import Start, start_from, start_with
+from tagmap.estimation.twists import with_motion
 
 INLIER_WEIGHT = 0.5
+MOST_VOTES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,55 +42,110 @@ class Settled:
     unanchored: "Settled | None" = None
     singular: bool = False
 
+    def sighting_weights(self) -> Array:
+        """(K,) of all sightings of `stacked`, block by block; NaN where pose or tag is withheld."""
+        return self._of_all(self.optimum.weights.sightings)
+
+    def sighting_chi2(self) -> Array:
+        """(K,) squared whitened residuals, likewise."""
+        return self._of_all(self.optimum.residuals.sightings)
+
+    def _of_all(self, parts: Sequence[Array]) -> Array:
+        whole = []
+        for block, part in zip(self.stacked.problem.sightings, parts, strict=True):
+            values = np.full(len(block), np.nan)
+            values[self.start.placed[block.pose] & self.start.mapped[block.tag]] = part
+            whole.append(values)
+        return np.concatenate([*whole, np.zeros(0)])
+
 
 def settle(stacked: Stacked, options: Options) -> Settled:
-    """Every round withholds something more, or is the last."""
-    start = start_from_nothing(stacked.problem, stacked.chain)
-    scale = np.ones(len(stacked.problem.scale_names))
+    """Every round withholds something more, moves tags where more sightings agree, or is the last.
+
+    Only the first few may move tags.
+    """
+    points = points_of(without_calibration(stacked.problem))
+    votes = Votes.of(stacked.problem, points)
+    start = start_from(stacked.problem, stacked.chain, points)
+    calibration = stacked.problem.prior_mean
     unanchored: Settled | None = None
-    while True:
-        settled = _optimised(stacked, start, scale, options)
-        left = _still_determined(settled)
+    for count in itertools.count():
+        settled = _optimised(stacked, start, calibration, options)
+        left = _still_determined(settled, points)
+        calibration = settled.optimum.state.calibration
+        if len(calibration):
+            votes = votes.at(points_of(stacked.problem, calibration))
+        better = revoted(votes, left or _reached(settled)) if count < MOST_VOTES else None
+        if better is not None:
+            votes, left = better
         if left is None:
             break
         if start.anchored and not left.anchored:
             unanchored = settled
-        start, scale = left, settled.optimum.state.scale
+        start = left
+    settled = _with_motion_as_found(settled, options)
     return _with_marginals(replace(settled, unanchored=unanchored), options)
 
 
-def _optimised(stacked: Stacked, start: Start, scale: Array, options: Options) -> Settled:
+def _with_motion_as_found(settled: Settled, options: Options) -> Settled:
+    """Once more with the motion that the poses show, where the time stamps of a camera are off."""
+    stacked, state = settled.stacked, settled.optimum.state
+    problem = with_motion(settled.problem, stacked.t_ns[settled.poses], state.T)
+    if problem is settled.problem:
+        return settled
+    return replace(settled, problem=problem, optimum=optimise(problem, state, options))
+
+
+def _optimised(stacked: Stacked, start: Start, calibration: Array, options: Options) -> Settled:
     poses, tags = np.flatnonzero(start.placed), np.flatnonzero(start.mapped)
     problem = restrict(stacked.problem, poses, tags)
     if not start.anchored:
         problem = without_surveys(problem)
-    optimum = optimise(problem, State(start.T[poses], start.p[tags], scale), options)
+    optimum = optimise(problem, State(start.T[poses], start.p[tags], calibration), options)
     support = np.zeros(len(tags), dtype=np.int64)
     for block, w in zip(problem.sightings, optimum.weights.sightings, strict=True):
         support += np.bincount(block.tag[w >= INLIER_WEIGHT], minlength=len(tags))
     return Settled(stacked, start, poses, tags, problem, optimum, support)
 
 
-def _still_determined(settled: Settled) -> Start | None:
-    """What the accepted sightings and surveys determine; None if that is all there is."""
+def _reached(settled: Settled) -> Start:
+    """The optimum, with the numbers of `stacked`."""
     start, state = settled.start, settled.optimum.state
-    accepted = _accepted(settled.problem, settled.optimum.weights)
-    part = start_at(accepted, settled.stacked.chain[settled.poses], state.T)
-    if part.placed.all() and part.mapped.all() and part.anchored == start.anchored:
-        return None
     T, p = start.T.copy(), start.p.copy()
     T[settled.poses], p[settled.tags] = state.T, state.p
-    placed, mapped = np.zeros_like(start.placed), np.zeros_like(start.mapped)
+    return replace(start, T=T, p=p)
+
+
+def _still_determined(settled: Settled, points: Points) -> Start | None:
+    """What the accepted sightings and surveys determine; None if that is all there is."""
+    part = start_with(
+        _with_accepted_surveys(settled),
+        settled.stacked.chain[settled.poses],
+        settled.optimum.state.T,
+        _accepted(settled, points),
+    )
+    if part.placed.all() and part.mapped.all() and part.anchored == settled.start.anchored:
+        return None
+    reached = _reached(settled)
+    placed, mapped = np.zeros_like(reached.placed), np.zeros_like(reached.mapped)
     placed[settled.poses], mapped[settled.tags] = part.placed, part.mapped
-    return Start(T, p, placed, mapped, part.anchored)
+    return replace(reached, placed=placed, mapped=mapped, anchored=part.anchored)
 
 
-def _accepted(problem: Problem, weights: Weights) -> Problem:
-    blocks = zip(problem.sightings, weights.sightings, strict=True)
+def _with_accepted_surveys(settled: Settled) -> Problem:
+    accepted = np.flatnonzero(settled.optimum.weights.surveyed >= INLIER_WEIGHT)
+    return replace(settled.problem, surveyed=settled.problem.surveyed.take(accepted))
+
+
+def _accepted(settled: Settled, points: Points) -> Points:
+    """The points of accepted sightings, with the numbers of the settled problem."""
+    weights = settled.sighting_weights()
+    with np.errstate(invalid="ignore"):
+        part = points.take(np.flatnonzero(weights[points.row] >= INLIER_WEIGHT))
     return replace(
-        problem,
-        sightings=tuple(block.take(np.flatnonzero(w >= INLIER_WEIGHT)) for block, w in blocks),
-        surveyed=problem.surveyed.take(np.flatnonzero(weights.surveyed >= INLIER_WEIGHT)),
+        part,
+        pose=np.searchsorted(settled.poses, part.pose),
+        tag=np.searchsorted(settled.tags, part.tag),
     )
 
 
@@ -100,5 +160,5 @@ def _with_marginals(settled: Settled, options: Options) -> Settled:
         nothing = replace(
             start, placed=np.zeros_like(start.placed), mapped=np.zeros_like(start.mapped)
         )
-        scale = np.ones_like(settled.optimum.state.scale)
-        return replace(_optimised(settled.stacked, nothing, scale, options), singular=True)
+        mean = settled.stacked.problem.prior_mean
+        return replace(_optimised(settled.stacked, nothing, mean, options), singular=True)

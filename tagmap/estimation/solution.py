@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from tagmap.conventions import Array, Index, Kind
+from tagmap.estimation.unknowns import UnknownName
 from tagmap.records.pose import Gauge
 from tagmap.records.tag import TagState
 
@@ -36,11 +37,25 @@ class SessionEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class CalibrationEstimate:
+    """A calibration unknown: value +- sigma, stated as known to `prior_sigma` beforehand.
+
+    robot: None where all robots of the site share it.
+    """
+
+    name: UnknownName
+    robot: str | None
+    value: float
+    sigma: float
+    prior_sigma: float
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """A map and the poses that go with it, and how much they can be trusted.
 
-    scale, stereo_scale: the sensors' common scales, None where not an unknown. cost: the robust
-    objective. inliers, rejected: sightings with a robust weight above or below one half.
+    scale, stereo_scale: the scales that all sensors share, None where not an unknown; calibration:
+    these and every other unknown of the sensors. cost: the robust objective. inliers, rejected: sightings with a robust weight above or below one half.
     report: what is withheld or doubtful and what would mend it, one line each.
     """
 
@@ -57,3 +72,4 @@ class Solution:
     rejected: int
     solve_s: float
     report: tuple[str, ...]
+    calibration: tuple[CalibrationEstimate, ...] = ()

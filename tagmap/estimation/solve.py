@@ -6,13 +6,19 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.optimise import Options
-from tagmap.estimation.problem import ScaleName, State
+from tagmap.estimation.problem import State
 from tagmap.estimation.report import report
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled, settle
-from tagmap.estimation.solution import SessionEstimate, Solution, TagEstimate
+from tagmap.estimation.solution import (
+    CalibrationEstimate,
+    SessionEstimate,
+    Solution,
+    TagEstimate,
+)
 from tagmap.estimation.stack import SessionData, SurveyedTag, stack
+from tagmap.estimation.unknowns import UnknownName
 from tagmap.geometry.covariance import pack_upper
 from tagmap.records.tag import TagState
 
@@ -42,13 +48,14 @@ def _in_frame(settled: Settled) -> Solution:
         T_map_solved = lie(problem.kind).inverse(state.T[0])
     state = replace(state, T=T_map_solved @ state.T, p=lie(problem.kind).act(T_map_solved, state.p))
     inliers = int(settled.support.sum())
+    calibration = _calibration(settled)
     return Solution(
         kind=problem.kind,
         gauge="anchored" if settled.start.anchored else "floating",
         tags=_tag_estimates(settled, state, T_map_solved),
         sessions=_session_estimates(settled, state),
-        scale=_scale(settled, "range"),
-        stereo_scale=_scale(settled, "stereo"),
+        scale=_of_site(calibration, "range_scale"),
+        stereo_scale=_of_site(calibration, "stereo_scale"),
         converged=optimum.converged,
         iterations=optimum.iterations,
         cost=optimum.cost,
@@ -56,12 +63,26 @@ def _in_frame(settled: Settled) -> Solution:
         rejected=problem.n_sightings - inliers,
         solve_s=0.0,
         report=tuple(report(settled)),
+        calibration=calibration,
     )
 
 
-def _scale(settled: Settled, name: ScaleName) -> float | None:
-    names = settled.problem.scale_names
-    return float(settled.optimum.state.scale[names.index(name)]) if name in names else None
+def _calibration(settled: Settled) -> tuple[CalibrationEstimate, ...]:
+    unknowns = settled.problem.calibration
+    sigma = settled.problem.prior_sigma
+    if settled.marginals is not None:
+        sigma = np.sqrt(np.diag(settled.marginals.calibration()))
+    values = settled.optimum.state.calibration
+    return tuple(
+        CalibrationEstimate(unknown.name, unknown.robot, float(value), float(s), unknown.sigma)
+        for unknown, value, s in zip(unknowns, values, sigma, strict=True)
+    )
+
+
+def _of_site(calibration: Sequence[CalibrationEstimate], name: UnknownName) -> float | None:
+    """The value that all robots share."""
+    found = [c.value for c in calibration if c.name == name and c.robot is None]
+    return found[0] if found else None
 
 
 def _tag_estimates(settled: Settled, state: State, T_map_solved: Array) -> tuple[TagEstimate, ...]:

@@ -1,31 +1,21 @@
 """Records to stacked arrays: the one function that turns sessions into the joint problem."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
-from tagmap.estimation.factors import lie
-from tagmap.estimation.problem import (
-    Odometry,
-    Problem,
-    ScaleName,
-    Sightings,
-    Surveyed,
-    whitening,
-)
+from tagmap.estimation.problem import Odometry, Problem, Sightings, Surveyed, lie, whitening
+from tagmap.estimation.stated import Stated
+from tagmap.estimation.twists import with_motion
+from tagmap.estimation.unknowns import OF_FORM
 from tagmap.geometry.covariance import unpack_upper
 from tagmap.records import Hello, Keyframe, Sighting
 from tagmap.records import arrays as convert
 from tagmap.records.keyframe import Form
 from tagmap.records.rig import RigCalibration
 
-SCALED_FORMS: dict[Form, ScaleName] = {
-    "range_bearing": "range",
-    "point_cam_m": "range",
-    "stereo_px": "stereo",
-}
 RIG_FORMS: tuple[Form, ...] = ("stereo_px", "mono_px")
 LEAST_SURVEY_SIGMA_M = 1e-6
 
@@ -73,8 +63,9 @@ def stack(sessions: Sequence[SessionData], surveys: Sequence[SurveyedTag]) -> St
         {sight.tag for session in frames for frame in session for sight in frame.sightings}
         | {survey.tag for survey in surveys}
     )
-    odometry = _odometry(kind, frames)
-    sightings, scales = _sightings(kind, [s.hello for s in ordered], frames, tags)
+    hellos = [s.hello for s in ordered]
+    stated = Stated.by(kind, hellos)
+    odometry = _odometry(kind, hellos, frames, stated)
     bounds = np.cumsum([0, *map(len, frames)])
     flat = [frame for session in frames for frame in session]
     breaks = np.ones(len(flat), dtype=np.int64)
@@ -84,18 +75,18 @@ def stack(sessions: Sequence[SessionData], surveys: Sequence[SurveyedTag]) -> St
         n_poses=len(flat),
         n_tags=len(tags),
         odometry=odometry,
-        sightings=sightings,
+        sightings=_sightings(kind, hellos, frames, tags, stated),
         surveyed=_surveyed(kind, surveys, tags),
-        scale_names=tuple(scales),
-        scale_sigma=np.array(list(scales.values()), dtype=float),
+        calibration=stated.unknowns,
     )
+    t_ns = np.array([frame.t_ns for frame in flat], dtype=np.int64)
     return Stacked(
-        problem=problem,
+        problem=with_motion(problem, t_ns),
         tags=tuple(tags),
-        sessions=tuple(s.hello for s in ordered),
+        sessions=tuple(hellos),
         bounds=bounds,
         seq=np.array([frame.seq for frame in flat], dtype=np.int64),
-        t_ns=np.array([frame.t_ns for frame in flat], dtype=np.int64),
+        t_ns=t_ns,
         chain=np.cumsum(breaks) - 1,
     )
 
@@ -106,11 +97,14 @@ def _start_of(session: SessionData) -> tuple[int, str, str]:
     return start, session.hello.robot, session.hello.session
 
 
-def _odometry(kind: Kind, frames: list[list[Keyframe]]) -> Odometry:
+def _odometry(
+    kind: Kind, hellos: Sequence[Hello], frames: list[list[Keyframe]], stated: Stated
+) -> Odometry:
     """A step counts where its keyframe follows the one with the seq before."""
-    first, steps, covs = [], [], []
+    first, steps, covs, unknowns = [], [], [], []
     number = -1
-    for session in frames:
+    for hello, session in zip(hellos, frames, strict=True):
+        own = stated.of_steps(kind, hello)
         for before, frame in zip([None, *session], session, strict=False):
             number += 1
             if frame.odom is None or before is None or frame.seq != before.seq + 1:
@@ -118,62 +112,52 @@ def _odometry(kind: Kind, frames: list[list[Keyframe]]) -> Odometry:
             first.append(number - 1)
             steps.append(frame.odom.T_prev_cur)
             covs.append(frame.odom.cov)
+            unknowns.append(own)
     dof = POSE_DOF[kind]
+    places = np.array(unknowns, dtype=np.int64).reshape(-1, 2)
     upper = np.array(covs, dtype=float).reshape(-1, dof * (dof + 1) // 2)
     return Odometry(
         first=np.array(first, dtype=np.int64),
         T=convert.matrices(kind, steps),
         whiten=whitening(unpack_upper(upper, dof)),
+        unknowns=places if (places >= 0).any() else None,
     )
 
 
-def _scale_priors(hellos: Sequence[Hello]) -> dict[ScaleName, float]:
-    """A scale is one unknown of the site; its prior is the widest that any robot states."""
-    stated: dict[ScaleName, list[float]] = {
-        "range": [h.range_scale_sigma for h in hellos if h.range_scale_sigma is not None],
-        "stereo": [h.stereo_scale_sigma for h in hellos if h.stereo_scale_sigma is not None],
-    }
-    return {name: max(sigmas) for name, sigmas in stated.items() if sigmas}
-
-
 def _sightings(
-    kind: Kind, hellos: Sequence[Hello], frames: list[list[Keyframe]], tags: Sequence[str]
-) -> tuple[tuple[Sightings, ...], dict[ScaleName, float]]:
-    """One block per form, rig and scale."""
-    scales = _scale_priors(hellos)
-    names = list(scales)
+    kind: Kind,
+    hellos: Sequence[Hello],
+    frames: list[list[Keyframe]],
+    tags: Sequence[str],
+    stated: Stated,
+) -> tuple[Sightings, ...]:
+    """One block per form, rig and set of unknowns."""
     number_of = {tag: i for i, tag in enumerate(tags)}
     T_base_cam = convert.matrices(kind, [frame.T_base_cam for part in frames for frame in part])
     T_cam_base = lie(kind).inverse(T_base_cam)
     rigs: dict[RigCalibration | None, int] = {None: 0}
-    groups: dict[tuple[Form, int, bool], list[tuple[int, Sighting]]] = {}
+    groups: dict[tuple[Form, int, tuple[int, ...]], list[tuple[int, Sighting]]] = {}
     pose = -1
     for hello, keyframes in zip(hellos, frames, strict=True):
         rig = rigs.setdefault(hello.rig, len(rigs))
+        unknowns = {form: stated.of_sightings(kind, hello, form) for form in OF_FORM}
         for frame in keyframes:
             pose += 1
             for sighting in frame.sightings:
                 form = sighting.z.form
-                key = (form, rig if form in RIG_FORMS else 0, _has_scale(hello, form))
+                key = (form, rig if form in RIG_FORMS else 0, unknowns[form])
                 groups.setdefault(key, []).append((pose, sighting))
     calibrations = list(rigs)
     blocks = []
-    for (form, rig, scaled), members in sorted(groups.items(), key=lambda item: item[0]):
-        scale = names.index(SCALED_FORMS[form]) if scaled else -1
-        blocks.append(_block(form, calibrations[rig], scale, members, number_of, T_cam_base))
-    return tuple(blocks), scales
-
-
-def _has_scale(hello: Hello, form: Form) -> bool:
-    name = SCALED_FORMS.get(form)
-    sigma = {"range": hello.range_scale_sigma, "stereo": hello.stereo_scale_sigma}
-    return name is not None and sigma[name] is not None
+    for (form, rig, own), members in sorted(groups.items(), key=lambda item: item[0]):
+        block = _block(form, calibrations[rig], members, number_of, T_cam_base)
+        blocks.append(replace(block, unknowns=own))
+    return tuple(blocks)
 
 
 def _block(
     form: Form,
     rig: RigCalibration | None,
-    scale: int,
     members: list[tuple[int, Sighting]],
     number_of: dict[str, int],
     T_cam_base: Array,
@@ -189,7 +173,6 @@ def _block(
         z=z,
         whiten=whitening(unpack_upper(cov, z.shape[1])),
         T_cam_base=T_cam_base[pose],
-        scale=scale,
     )
 
 

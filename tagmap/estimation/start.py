@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tagmap.conventions import Array, Index, Mask
+from tagmap.conventions import Array, Index, Kind, Mask
 from tagmap.estimation.growth import grow
-from tagmap.estimation.merge import LocalMap
+from tagmap.estimation.merge import MOST_BENT, LocalMap
 from tagmap.estimation.placing import Chain, Placed, component, determines_frame
-from tagmap.estimation.points import Points, fit_tags, points_of
+from tagmap.estimation.points import Points, TagFit, fit_tags, points_of
 from tagmap.estimation.problem import Problem
-from tagmap.estimation.restrict import without_scales, without_surveys
+from tagmap.estimation.restrict import without_calibration, without_surveys
 
 LEAST_SIGMA_M = 0.01
+LEAST_AGREEING = 2
+LEAST_SHARE = 0.3
 LEAST_SURVEYED = 3
 
 
@@ -36,8 +38,12 @@ class Start:
 
 def start_from_nothing(problem: Problem, chain: Index) -> Start:
     """`chain` (N,): the number of the odometry chain of each pose, ascending."""
-    robots = without_surveys(without_scales(problem))
-    points = points_of(robots)
+    return start_from(problem, chain, points_of(without_calibration(problem)))
+
+
+def start_from(problem: Problem, chain: Index, points: Points) -> Start:
+    """The same; `points` are those of all its sightings."""
+    robots = without_surveys(without_calibration(problem))
     chains = [
         _chain(points, poses, grow(robots, points, poses), problem.n_tags)
         for poses in _split(chain)
@@ -47,7 +53,11 @@ def start_from_nothing(problem: Problem, chain: Index) -> Start:
 
 def start_at(problem: Problem, chain: Index, T: Array) -> Start:
     """What the factors of `problem` determine where the poses T (N, D, D) are already known."""
-    points = points_of(without_scales(problem))
+    return start_with(problem, chain, T, points_of(without_calibration(problem)))
+
+
+def start_with(problem: Problem, chain: Index, T: Array, points: Points) -> Start:
+    """The same; `points` are those of its sightings that are to be believed."""
     chains = [_chain(points, poses, T[poses], problem.n_tags) for poses in _split(chain)]
     return _hanging_together(problem, points, chains)
 
@@ -70,11 +80,32 @@ def _split(chain: Index) -> list[Index]:
 
 
 def _chain(points: Points, poses: Index, T: Array, n_tags: int) -> Chain:
-    fit = fit_tags(points.of_poses(poses[0], poses[-1]), T, n_tags)
+    own = points.of_poses(poses[0], poses[-1])
+    fit = fit_tags(own, T, n_tags)
     tags = np.flatnonzero(fit.determined)
     cov = np.linalg.inv(fit.information[tags])
     sigma = np.maximum(np.sqrt(np.trace(cov, axis1=1, axis2=2)), LEAST_SIGMA_M)
-    return Chain(poses, T, LocalMap(tags, fit.p[tags], sigma))
+    local = LocalMap(tags, fit.p[tags], sigma)
+    sure = local.take(_sure(own, T, fit)[tags])
+    kind: Kind = "planar" if own.p_base.shape[1] == 2 else "spatial"
+    return Chain(poses, T, sure if determines_frame(kind, sure) else local)
+
+
+def _sure(points: Points, T: Array, fit: TagFit) -> Mask:
+    """Tags (M,) at whose place several of their points are, and not too small a share.
+
+    Names that a chain only ever gave to other tags would outvote those that it saw. Chains may be
+    bent, so what is near is judged by the size of the map.
+    """
+    p = fit.p[fit.determined]
+    size = np.sqrt(np.square(p - np.median(p, axis=0)).sum(axis=1).mean()) if len(p) else 0.0
+    square = points.distances(T[points.pose], fit.p)
+    near = square <= MOST_BENT**2 * size**2 * np.trace(points.information, axis1=1, axis2=2)
+    n_tags = len(fit.p)
+    agreeing = np.bincount(points.tag[near], minlength=n_tags)
+    seen = np.bincount(points.tag, minlength=n_tags)
+    sure: Mask = agreeing >= np.maximum(LEAST_AGREEING, LEAST_SHARE * seen)
+    return sure
 
 
 def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> Start:

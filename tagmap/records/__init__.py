@@ -3,7 +3,7 @@
 from tagmap.records.ack import Ack, Refusal
 from tagmap.records.admin import AdminReply, AdminRequest
 from tagmap.records.codec import address_of, decode, encode
-from tagmap.records.hello import Hello, Introduction, Limits
+from tagmap.records.hello import CalibrationSigmas, Hello, Introduction, Limits
 from tagmap.records.job import JobResult, WriteJob
 from tagmap.records.keyframe import Keyframe, Measurement, Observation, Odometry, Sighting
 from tagmap.records.lease import LeaseReply, LeaseRequest
@@ -17,6 +17,7 @@ __all__ = [
     "Ack",
     "AdminReply",
     "AdminRequest",
+    "CalibrationSigmas",
     "CameraCalibration",
     "Hello",
     "IdentifiedMeasurement",

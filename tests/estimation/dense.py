@@ -1,6 +1,6 @@
 """The joint problem once more, plainly: all unknowns in one vector, Jacobians by differences.
 
-Unknowns are ordered poses, tags, scales; nothing is eliminated, nothing is sparse.
+Unknowns are ordered poses, tags, calibration; nothing is eliminated, nothing is sparse.
 """
 
 from dataclasses import replace
@@ -8,18 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.estimation.factors import (
-    lie,
+from tagmap.estimation.problem import Problem, State, lie
+from tagmap.estimation.residuals import Weights
+from tagmap.estimation.system import Point, System
+from tests.estimation.factors import (
+    condensed_residual,
     odometry_residual,
-    prior_difference,
-    scale_residual,
+    prior_residual,
     sighting_residual,
     surveyed_residual,
 )
-from tagmap.estimation.linear import NormalEquations, dense
-from tagmap.estimation.linearise import updated
-from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.residuals import Weights
 
 STEP = 1e-6
 
@@ -32,23 +30,25 @@ def moved(problem: Problem, state: State, delta: Array) -> State:
     """The real update, by one vector."""
     split = problem.n_poses * problem.pose_dof
     poses = delta[:split].reshape(problem.n_poses, problem.pose_dof)
-    return updated(problem, state, poses, delta[split:])
+    tags, calibration = np.split(delta[split:], [problem.n_tags * problem.tag_dof])
+    return State(
+        T=state.T @ lie(problem.kind).exp(poses),
+        p=state.p + tags.reshape(state.p.shape),
+        calibration=state.calibration + calibration,
+    )
 
 
 def residual(problem: Problem, state: State, weights: Weights) -> Array:
     """All residuals times the roots of their weights; those of weight zero do not count."""
-    kind = problem.kind
     parts = []
     for block, w in zip(problem.sightings, weights.sightings, strict=True):
         used = np.flatnonzero(w > 0.0)
-        r = sighting_residual(kind, block.take(used), state)
+        r = sighting_residual(problem, block.take(used), state)
         parts.append(r * np.sqrt(w[used])[:, None])
-    parts.append(odometry_residual(kind, problem.odometry, state) * _root(weights.odometry))
+    parts.append(odometry_residual(problem, state) * _root(weights.odometry))
     parts.append(surveyed_residual(problem.surveyed, state) * _root(weights.surveyed))
-    parts.append(scale_residual(problem, state))
-    if problem.prior is not None:
-        root = np.linalg.cholesky(problem.prior.information).T
-        parts.append(root @ prior_difference(kind, problem.prior, state))
+    parts.append(prior_residual(problem, state))
+    parts.append(condensed_residual(problem, state))
     return np.concatenate([part.ravel() for part in parts])
 
 
@@ -73,19 +73,62 @@ def normal_equations(problem: Problem, state: State, weights: Weights) -> tuple[
     return J.T @ J, J.T @ residual(problem, state, weights)
 
 
-def assembled(equations: NormalEquations) -> tuple[Array, Array]:
-    """The structured normal equations as one matrix and one vector."""
-    n, dof, _ = equations.diagonal.shape
-    A = np.zeros((n, dof, n, dof))
+def assembled(system: System, point: Point) -> tuple[Array, Array]:
+    """The structured normal equations as one matrix and one vector, poses in their own axes."""
+    linear, axes, d = point.linear, system.packed.axes, system.problem.tag_dof
+    n, m, q = len(linear.diagonal), len(linear.tag_diagonal), len(linear.calibration)
+    tags, unknowns = 6 * n + 3 * np.arange(m), 6 * n + 3 * m + np.arange(q)
+    H = np.zeros((6 * n + 3 * m + q,) * 2)
     for i in range(n):
-        A[i, :, i, :] = equations.diagonal[i]
+        rows = slice(6 * i, 6 * i + 6)
+        H[rows, rows] = linear.diagonal[i]
         if i + 1 < n:
-            A[i + 1, :, i, :] = equations.next[i]
-            A[i, :, i + 1, :] = equations.next[i].T
-    A = A.reshape(n * dof, n * dof)
-    B = dense(equations.coupling)
-    H = np.block([[A, B], [B.T, equations.border]])
-    return H, np.concatenate([equations.gradient_pose.ravel(), equations.gradient_border])
+            H[6 * i + 6 : 6 * i + 12, rows] = linear.following[i]
+            H[rows, 6 * i + 6 : 6 * i + 12] = linear.following[i].T
+        for k in range(linear.first[i], linear.first[i + 1]):
+            W, at = np.zeros((3, 3)), tags[linear.tag[k]]
+            W[np.triu_indices(3)] = linear.seen[k, :6]
+            W = W + np.triu(W, 1).T
+            by_pose = np.vstack([-W, -se3_hat(linear.seen[k, 6:]) @ W])
+            H[rows, at : at + 3] += by_pose
+            H[at : at + 3, rows] += by_pose.T
+        for column, coupling in zip(
+            linear.slot_column[i], linear.pose_calibration[i].T, strict=True
+        ):
+            if column >= 0:
+                H[rows, unknowns[column]] += coupling
+                H[unknowns[column], rows] += coupling
+    for t, at in enumerate(tags):
+        H[at : at + 3, at : at + 3] = linear.tag_diagonal[t]
+        H[at : at + 3, unknowns] = linear.tag_calibration[t]
+        H[unknowns, at : at + 3] = linear.tag_calibration[t].T
+    H[np.ix_(unknowns, unknowns)] = linear.calibration
+    if system.condensed is not None:
+        between = system.condensed.toarray().reshape(m, 3, m, 3)
+        between[np.arange(m), :, np.arange(m), :] = 0.0
+        H[6 * n : 6 * n + 3 * m, 6 * n : 6 * n + 3 * m] += between.reshape(3 * m, 3 * m)
+    g = np.concatenate(
+        [linear.pose_gradient.ravel(), linear.tag_gradient.ravel(), linear.calibration_gradient]
+    )
+    to_map = np.eye(len(H))
+    for i in range(n):
+        R = point.values.T[i, :3, :3]
+        to_map[6 * i : 6 * i + 3, 6 * i : 6 * i + 3] = R
+        to_map[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = R
+    kept = np.concatenate(
+        [
+            (6 * np.arange(n)[:, None] + axes).ravel(),
+            (tags[:, None] + np.arange(d)).ravel(),
+            unknowns,
+        ]
+    )
+    return (to_map.T @ H @ to_map)[np.ix_(kept, kept)], (to_map.T @ g)[kept]
+
+
+def se3_hat(q: Array) -> Array:
+    """hat(q) @ x = q x x."""
+    x, y, z = q
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def gauss_newton(problem: Problem, state: State, weights: Weights, rounds: int = 10) -> State:
@@ -104,7 +147,7 @@ def frame_motions(problem: Problem, state: State) -> Array:
         ahead, behind = group.exp(STEP * unit), group.exp(-STEP * unit)
         pose = group.log(group.inverse(behind @ state.T) @ (ahead @ state.T))
         tag = group.act(ahead, state.p) - group.act(behind, state.p)
-        still = np.zeros(len(problem.scale_names))
+        still = np.zeros(len(problem.calibration))
         columns.append(np.concatenate([pose.ravel(), tag.ravel(), still]) / (2.0 * STEP))
     motions, _ = np.linalg.qr(np.stack(columns, axis=1))
     return motions
@@ -117,7 +160,7 @@ def covariance(problem: Problem, state: State, weights: Weights) -> Array:
     (Baarda 1973) carries it over to inner constraints on the tags alone.
     """
     H, _ = normal_equations(problem, state, weights)
-    if len(problem.surveyed) or problem.prior is not None:
+    if len(problem.surveyed):
         return np.linalg.inv(H)
     motions = frame_motions(problem, state)
     free = np.eye(len(H)) - motions @ motions.T
@@ -130,11 +173,6 @@ def covariance(problem: Problem, state: State, weights: Weights) -> Array:
     S = np.eye(len(H)) - motions @ np.linalg.solve(tags.T @ motions, tags.T)
     cov: Array = S @ inverse @ S.T
     return cov
-
-
-def at(problem: Problem, T: Array, p: Array) -> State:
-    """A state with all scales at 1."""
-    return State(T, p, np.ones(len(problem.scale_names)))
 
 
 def halved(weights: Weights) -> Weights:

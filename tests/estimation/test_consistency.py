@@ -8,14 +8,14 @@ import pytest
 from scipy import stats
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.settle import settle
 from tagmap.estimation.stack import stack
 from tagmap.geometry.alignment import align
 from tests.estimation.worlds import Drive, World, hall, session
 
-RUNS = 30
+RUNS = 100
 N_TAGS = 8
 DRIVES = (Drive(n=40), Drive(centre=(5.0, 4.0), n=40, first_rad=2.5))
 SURVEYED = (0, 3, 4, 7)
@@ -49,7 +49,7 @@ def _run(world: World, surveyed: bool, seed: int) -> Run:
     T_true = T_map_true @ reported[-1][1][-1]
     return Run(
         tags=(state.p - group.act(T_map_true, world.p)).ravel(),
-        cov_tags=settled.marginals.border,
+        cov_tags=settled.marginals.joint(np.arange(len(state.p))),
         last_pose=group.log(group.inverse(T_true) @ state.T[-1]),
         cov_last_pose=settled.marginals.poses(last)[0],
     )

@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace as changed
 
 from tagmap.conventions import POSE_DOF, Array, Form, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.solution import Solution
 from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import SessionData

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tagmap.conventions import Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.solve import solve
 from tests.estimation.worlds import Drive, World, errors, hall, session
 

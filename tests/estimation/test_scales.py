@@ -51,7 +51,7 @@ def test_surveyed_tags_determine_the_scale(kind: Kind, form: Form) -> None:
     solution = solve(sessions, surveys)
     marginals = settle(stack(sessions, surveys), Options()).marginals
     assert marginals is not None
-    sigma = np.sqrt(marginals.scales()[1 if form == "stereo_px" else 0])
+    sigma = np.sqrt(np.diag(marginals.calibration())[1 if form == "stereo_px" else 0])
     assert sigma < 0.006
     assert abs(_scale(solution, form) - 1.05) < 4.0 * sigma
     assert errors(world, solution).rmse_m < 0.04

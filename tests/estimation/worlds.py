@@ -13,12 +13,14 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Form, Kind
-from tagmap.estimation.factors import lie
+from tagmap.estimation.problem import lie
 from tagmap.estimation.solution import Solution
 from tagmap.estimation.stack import SessionData, SurveyedTag
+from tagmap.estimation.unknowns import CAMERA, SCALES, UnknownName
 from tagmap.geometry import measurement, se2, se3
 from tagmap.geometry.alignment import align
 from tagmap.records import (
+    CalibrationSigmas,
     CameraCalibration,
     Hello,
     Keyframe,
@@ -82,8 +84,32 @@ class Scale:
 
 
 @dataclass(frozen=True)
+class Hidden:
+    """What a robot's sensors truly are, by the names of tagmap.estimation.unknowns."""
+
+    values: tuple[tuple[UnknownName, float], ...] = ()
+
+    def of(self, name: UnknownName) -> float:
+        return dict(self.values).get(name, 1.0 if name in SCALES else 0.0)
+
+    def camera(self, kind: Kind) -> Array:
+        """exp of (dof,): where it sits besides what is stated, in axes of cam."""
+        twist = np.array([self.of(name) for half in CAMERA[kind] for name in half])
+        T: Array = lie(kind).exp(twist)
+        return T
+
+    def as_measured(self, kind: Kind, steps: Array) -> Array:
+        """Steps (n, D, D) as odometry has them but for its noise."""
+        twist = lie(kind).log(steps)
+        twist[:, : TAG_DOF[kind]] *= self.of("odometry_scale")
+        twist[:, TAG_DOF[kind] :] *= self.of("wheel_base")
+        measured: Array = lie(kind).exp(twist)
+        return measured
+
+
+@dataclass(frozen=True)
 class Drive:
-    """How one robot drives and what it does wrong; see `session`."""
+    """How one robot drives, what it does wrong, and what it says of that; see `session`."""
 
     centre: tuple[float, float] = (6.0, 4.5)
     radius_m: float = 2.5
@@ -96,6 +122,8 @@ class Drive:
     odom_bias: tuple[float, ...] = ()
     range_scale: Scale = Scale()
     stereo_scale: Scale = Scale()
+    hidden: Hidden = Hidden()
+    stated: CalibrationSigmas = CalibrationSigmas()
 
 
 @dataclass(frozen=True)
@@ -132,9 +160,10 @@ def hall(kind: Kind, rng: np.random.Generator, n_tags: int = 12, spread: float =
     return World(kind, np.column_stack([p, rng.uniform(2.5, 3.5, n_tags)]))
 
 
-def circle(kind: Kind, drive: Drive) -> Array:
-    """True poses T_map_base (n, D, D) along a circle, counter-clockwise."""
-    angle = drive.first_rad + np.arange(drive.n) * STEP_M / max(drive.radius_m, 1.0)
+def circle(kind: Kind, drive: Drive, late_s: float = 0.0) -> Array:
+    """True poses T_map_base (n, D, D) along a circle, counter-clockwise, `late_s` after each."""
+    steps = np.arange(drive.n) + late_s * 1e9 / KEYFRAME_NS
+    angle = drive.first_rad + steps * STEP_M / max(drive.radius_m, 1.0)
     p = np.array(drive.centre) + drive.radius_m * np.stack([np.cos(angle), np.sin(angle)], -1)
     heading = angle + 0.5 * np.pi
     if kind == "planar":
@@ -162,8 +191,10 @@ def session(
         rig=RIG if world.kind == "spatial" else None,
         range_scale_sigma=drive.range_scale.sigma,
         stereo_scale_sigma=drive.stereo_scale.sigma,
+        calibration=drive.stated,
     )
     odometry = _odometry(world.kind, drive, T, rng)
+    exposed = circle(world.kind, drive, drive.hidden.of("time_offset_s"))
     frames = [
         Keyframe(
             site="site",
@@ -173,7 +204,7 @@ def session(
             t_ns=number * 1_000_000_000_000 + i * KEYFRAME_NS,
             odom=odometry[i],
             T_base_cam=MOUNT[world.kind],
-            sightings=tuple(_sightings(world, drive, T[i], rng)),
+            sightings=tuple(_sightings(world, drive, exposed[i], rng)),
         )
         for i in range(drive.n)
     ]
@@ -184,7 +215,7 @@ def _odometry(
     kind: Kind, drive: Drive, T: Array, rng: np.random.Generator
 ) -> list[Odometry | None]:
     group, sigma = lie(kind), ODOM_SIGMA[kind]
-    steps = group.inverse(T[:-1]) @ T[1:]
+    steps = drive.hidden.as_measured(kind, group.inverse(T[:-1]) @ T[1:])
     noise = sigma * rng.standard_normal((len(steps), POSE_DOF[kind]))
     if drive.odom_bias:
         noise = noise + np.array(drive.odom_bias)
@@ -202,7 +233,7 @@ def _sightings(
 ) -> list[Sighting]:
     """Of every tag in view, in a form drawn from the drive's."""
     group = lie(world.kind)
-    T_map_cam = T_map_base @ arrays.matrix(MOUNT[world.kind])
+    T_map_cam = T_map_base @ arrays.matrix(MOUNT[world.kind]) @ drive.hidden.camera(world.kind)
     p_cam = group.act(group.inverse(T_map_cam), world.p)
     forms = drive.forms or USUAL[world.kind]
     seen = []
@@ -211,7 +242,8 @@ def _sightings(
         name = tag
         if rng.random() < drive.wrong:
             name = (tag + 1 + rng.integers(len(world.p) - 1)) % len(world.p)
-        z = measured(form, world.kind, p_cam[tag] * _scale(drive, form), rng)
+        disparity = drive.hidden.of("disparity_px")
+        z = measured(form, world.kind, p_cam[tag] * _scale(drive, form), rng, disparity)
         seen.append(Sighting(tag=f"tag{name}", id_by="given", p_false=drive.wrong, z=z))
     return seen
 
@@ -219,7 +251,9 @@ def _sightings(
 def _scale(drive: Drive, form: Form) -> float:
     if form == "mono_px":
         return 1.0
-    return drive.stereo_scale.true if form == "stereo_px" else drive.range_scale.true
+    if form == "stereo_px":
+        return drive.stereo_scale.true * drive.hidden.of("stereo_scale")
+    return drive.range_scale.true * drive.hidden.of("range_scale")
 
 
 def in_view(kind: Kind, p_cam: Array) -> Array:
@@ -234,10 +268,14 @@ def in_view(kind: Kind, p_cam: Array) -> Array:
     return in_cone
 
 
-def measured(form: Form, kind: Kind, p_cam: Array, rng: np.random.Generator) -> Measurement:
-    """One noisy measurement of the point p_cam (d,)."""
+def measured(
+    form: Form, kind: Kind, p_cam: Array, rng: np.random.Generator, disparity_px: float = 0.0
+) -> Measurement:
+    """One noisy measurement of the point p_cam (d,), its disparity off by so much."""
     rig = arrays.stereo_rig(RIG) if kind == "spatial" else None
     exact, _ = measurement.predict(form, kind, p_cam, rig)
+    if form == "stereo_px":
+        exact = exact - [0.0, 0.0, disparity_px, 0.0]
     sigma = sighting_sigma(form, kind)
     z = arrays.vector(exact + sigma * rng.standard_normal(len(exact)))
     cov = arrays.upper(np.diag(sigma**2))

@@ -108,12 +108,17 @@ RIGS = st.builds(
 LIMITS = st.builds(
     records.Limits, reader_range_m=st.none() | POSITIVE, write_range_m=st.none() | POSITIVE
 )
+CALIBRATED = st.builds(
+    records.CalibrationSigmas,
+    **dict.fromkeys(records.CalibrationSigmas.__struct_fields__, st.none() | POSITIVE),
+)
 INTRODUCED = {
     "kind": KINDS,
     "rig": st.none() | RIGS,
     "limits": LIMITS,
     "range_scale_sigma": st.none() | POSITIVE,
     "stereo_scale_sigma": st.none() | POSITIVE,
+    "calibration": CALIBRATED,
 }
 
 

@@ -1,0 +1,316 @@
+"""A window of poses localised on tags that are known more or less, and the tags brought up to date.
+
+A sighting then counts with the uncertainty of its tag: where the tag's position has information I
+of its own, W and g become W - W (W + I)^-1 W and g - W (W + I)^-1 g, which is the minimum over the
+tag's position of both terms together.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tagmap.conventions import Array
+from tagmap.estimation.kernels.chain import factor, solve
+from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
+from tagmap.estimation.kernels.motion import move_all, position_of, rotation_of, rotation_vector
+from tagmap.estimation.kernels.sightings import KEEP, linearise_sightings, truncated
+from tagmap.estimation.kernels.small import (
+    S,
+    V,
+    dot,
+    full,
+    inverse,
+    product,
+    subtract,
+    symmetric_times,
+    transpose,
+    upper,
+)
+from tagmap.estimation.kernels.step_weights import weigh_steps
+from tagmap.estimation.kernels.steps import gather_sightings, linearise_steps
+from tagmap.geometry.kernels.compiled import compiled
+
+_MOST_STEPS = 30
+_SHARPEN_BELOW = 0.1
+_CONVERGED = 1e-4
+_SHARPEST = 100.0
+_BLUNTEST = 1e-4
+
+
+class Window(NamedTuple):
+    """n poses and K sightings, poses numbered from 0, and room to work on them.
+
+    hold (6, 6): information on the first pose about T_hold (4, 4), along the axes of the map.
+    pins (6,): see tagmap.estimation.packing. ones (max(K, n),); r2, weight, next_weight (K,);
+    step_r2, step_weight, next_step_weight (n - 1,); L, D (n, 6, 6); u (n, 6); before (n, 4, 4); work (6, 6).
+    """
+
+    sighted: Sighted
+    steps: Steps
+    linear: Linear
+    hold: Array
+    T_hold: Array
+    pins: Array
+    ones: Array
+    r2: Array
+    weight: Array
+    next_weight: Array
+    step_r2: Array
+    step_weight: Array
+    next_step_weight: Array
+    step_bound: float
+    least_step: float
+    L: Array
+    D: Array
+    u: Array
+    before: Array
+    work: Array
+
+
+@compiled
+def localise(window: Window, T: Array, p: Array, information: Array, mu_step: float) -> bool:
+    """Move T (n, 4, 4) to where its sightings of known tags fit best; `weight` says which do.
+
+    p (M, 3), NaN where not known, with information (M, 3, 3). Weights sharpen as in
+    tagmap.estimation.optimise. False where nothing determines the window.
+    """
+    linear, weight, u = window.linear, window.weight, window.u
+    n, k = len(T), len(window.r2)
+    window.step_weight[:] = 1.0
+    _linearise(window, T, p, information, KEEP, window.ones[:k], weight)
+    mu = _first_mu(window)
+    _, cost = _linearise(window, T, p, information, mu, window.ones[:k], weight)
+    window.step_weight[:] = window.next_step_weight
+    damping = 1e-9
+    for _ in range(_MOST_STEPS):
+        if not factor(linear, damping, window.L, window.D, window.work):
+            return False
+        for i in range(n):
+            for a in range(6):
+                u[i, a] = -linear.pose_gradient[i, a]
+        solve(window.L, window.D, u)
+        predicted = 0.0
+        for i in range(n):
+            for a in range(6):
+                predicted -= u[i, a] * linear.pose_gradient[i, a]
+        if mu >= _SHARPEST and predicted <= _CONVERGED * max(cost, 1.0):
+            return True
+        if predicted <= _SHARPEN_BELOW * cost:
+            mu = min(mu * mu_step, _SHARPEST)
+        window.before[:] = T
+        move_all(window.before, u, T)
+        asked, next_cost = _linearise(window, T, p, information, mu, weight, window.next_weight)
+        if asked <= cost:
+            cost = next_cost
+            weight[:] = window.next_weight
+            window.step_weight[:] = window.next_step_weight
+            damping = max(0.1 * damping, 1e-12)
+            continue
+        T[:] = window.before
+        damping = max(10.0 * damping, 1e-6)
+        if damping > 1e8:
+            return True
+        _, cost = _linearise(window, T, p, information, KEEP, weight, window.next_weight)
+    return True
+
+
+@compiled
+def _first_mu(window: Window) -> float:
+    """At which the robust cost is convex for the worst residual."""
+    worst = 0.0
+    for k in range(len(window.r2)):
+        if window.r2[k] < math.inf:
+            worst = max(worst, window.r2[k] / window.sighted.c2[window.sighted.form[k]])
+    return min(max(1.0 / max(2.0 * worst - 1.0, 1e-9), _BLUNTEST), _SHARPEST)
+
+
+@compiled
+def _linearise(
+    window: Window,
+    T: Array,
+    p: Array,
+    information: Array,
+    mu: float,
+    weight: Array,
+    next_weight: Array,
+) -> tuple[float, float]:
+    """The poses' normal equations, each sighting's tag minimised out; costs at both weights."""
+    sighted, linear, r2 = window.sighted, window.linear, window.r2
+    k_all = len(r2)
+    none = linear.calibration_gradient
+    ones = window.ones[:k_all]
+    linearise_sightings(sighted, T, p, none, KEEP, ones, next_weight, r2, linear)
+    seen, gradient = linear.seen, linear.gradient
+    asked = cost = 0.0
+    for k in range(k_all):
+        t = sighted.tag[k]
+        W = seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]
+        g = gradient[k, 0], gradient[k, 1], gradient[k, 2]
+        if r2[k] < math.inf:
+            W, g, r2[k] = _discounted(W, g, r2[k], information[t])
+            asked += weight[k] * r2[k]
+        elif weight[k] > 0.0 and p[t, 0] == p[t, 0]:
+            asked = math.inf
+        w = weight[k]
+        if mu >= 0.0:
+            w = truncated(r2[k], sighted.c2[sighted.form[k]], math.inf if mu >= _SHARPEST else mu)
+        if not r2[k] < math.inf:
+            w = 0.0
+        else:
+            cost += w * r2[k]
+        next_weight[k] = w
+        for n in range(6):
+            seen[k, n] = w * W[n] if w > 0.0 else 0.0
+        for n in range(3):
+            gradient[k, n] = w * g[n] if w > 0.0 else 0.0
+    gather_sightings(linear)
+    step_weight = window.next_step_weight
+    asked += weigh_steps(
+        window.steps,
+        T,
+        math.inf if mu >= _SHARPEST else mu,
+        window.step_bound,
+        window.least_step,
+        window.step_weight,
+        step_weight,
+        window.step_r2,
+    )
+    cost += linearise_steps(window.steps, T, step_weight, window.step_r2, linear)
+    rest = _add_hold(window, T)
+    for i in range(len(T)):
+        for a in range(6):
+            linear.diagonal[i, a, a] += window.pins[a]
+    return asked + rest, cost + rest
+
+
+@compiled
+def _discounted(W: S, g: V, square: float, I: Array) -> tuple[S, V, float]:
+    """W, g and r2 of a sighting whose tag may move."""
+    total = (
+        W[0] + I[0, 0],
+        W[1] + I[0, 1],
+        W[2] + I[0, 2],
+        W[3] + I[1, 1],
+        W[4] + I[1, 2],
+        W[5] + I[2, 2],
+    )
+    good, free = inverse(total)
+    if not good:
+        return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
+    y = symmetric_times(free, g)
+    loss = product(full(W), product(full(free), full(W)))
+    less = upper(loss)
+    return (
+        (
+            W[0] - less[0],
+            W[1] - less[1],
+            W[2] - less[2],
+            W[3] - less[3],
+            W[4] - less[4],
+            W[5] - less[5],
+        ),
+        subtract(g, symmetric_times(W, y)),
+        max(square - dot(g, y), 0.0),
+    )
+
+
+@compiled
+def _add_hold(window: Window, T: Array) -> float:
+    """What is known of the first pose beforehand."""
+    linear, hold = window.linear, window.hold
+    turn = rotation_vector(product(rotation_of(T[0]), transpose(rotation_of(window.T_hold))))
+    shift = subtract(position_of(T[0]), position_of(window.T_hold))
+    error = shift[0], shift[1], shift[2], turn[0], turn[1], turn[2]
+    cost = 0.0
+    for a in range(6):
+        pull = 0.0
+        for b in range(6):
+            pull += hold[a, b] * error[b]
+            linear.diagonal[0, a, b] += hold[a, b]
+        linear.pose_gradient[0, a] += pull
+        cost += pull * error[a]
+    return cost
+
+
+@compiled
+def refit_tags(window: Window, T: Array, p: Array, information: Array, support: Array) -> None:
+    """Tags that count in the window move to where it sees them too; their information grows.
+
+    By as much as is left when the poses are not taken as known. support (M,): sum of weights of all
+    sightings so far.
+    """
+    sighted, linear = window.sighted, window.linear
+    linear.tag_diagonal[:] = 0.0
+    linear.tag_gradient[:] = 0.0
+    none = linear.calibration_gradient
+    linearise_sightings(
+        sighted, T, p, none, KEEP, window.weight, window.next_weight, window.r2, linear
+    )
+    gather_sightings(linear)
+    for k in range(len(window.r2)):
+        support[sighted.tag[k]] += window.next_weight[k]
+    for t in range(len(p)):
+        own = linear.tag_diagonal[t]
+        if not own[0, 0] + own[1, 1] + own[2, 2] > 0.0:
+            continue
+        _limit_by_poses(window, t, own)
+        I = information[t]
+        for a in range(3):
+            for b in range(3):
+                I[a, b] += own[a, b]
+        good, cov = inverse((I[0, 0], I[0, 1], I[0, 2], I[1, 1], I[1, 2], I[2, 2]))
+        if good:
+            g = linear.tag_gradient[t]
+            step = symmetric_times(cov, (g[0], g[1], g[2]))
+            for a in range(3):
+                p[t, a] -= step[a]
+
+
+@compiled
+def _limit_by_poses(window: Window, tag: int, own: Array) -> None:
+    """Information own (3, 3) of one tag, less what the best known of its poses is uncertain by."""
+    linear, D = window.linear, window.D
+    least = math.inf
+    cov = np.empty((3, 3))
+    trial = np.empty((3, 3))
+    G = np.empty((3, 6))
+    for i in range(len(linear.first) - 1):
+        for k in range(linear.first[i], linear.first[i + 1]):
+            if linear.tag[k] != tag or not window.next_weight[k] > 0.0:
+                continue
+            x, y, z = linear.seen[k, 6], linear.seen[k, 7], linear.seen[k, 8]
+            G[:, :] = 0.0
+            G[0, 0] = G[1, 1] = G[2, 2] = 1.0
+            G[0, 4], G[0, 5], G[1, 3] = z, -y, -z
+            G[1, 5], G[2, 3], G[2, 4] = x, y, -x
+            for a in range(3):
+                for b in range(3):
+                    sum_ = 0.0
+                    for c in range(6):
+                        for e in range(6):
+                            sum_ += G[a, c] * D[i, c, e] * G[b, e]
+                    trial[a, b] = sum_
+            if trial[0, 0] + trial[1, 1] + trial[2, 2] < least:
+                least = trial[0, 0] + trial[1, 1] + trial[2, 2]
+                cov[:, :] = trial
+    good, known = inverse((cov[0, 0], cov[0, 1], cov[0, 2], cov[1, 1], cov[1, 2], cov[2, 2]))
+    if not (good and least < math.inf):
+        return
+    # own (own + known)^-1 known: both uncertainties add up
+    total = (
+        own[0, 0] + known[0],
+        own[0, 1] + known[1],
+        own[0, 2] + known[2],
+        own[1, 1] + known[3],
+        own[1, 2] + known[4],
+        own[2, 2] + known[5],
+    )
+    good, free = inverse(total)
+    if not good:
+        return
+    W = full((own[0, 0], own[0, 1], own[0, 2], own[1, 1], own[1, 2], own[2, 2]))
+    less = product(W, product(full(free), W))
+    for a in range(3):
+        for b in range(3):
+            own[a, b] -= 0.5 * (less[3 * a + b] + less[3 * b + a])

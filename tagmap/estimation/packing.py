@@ -1,0 +1,269 @@
+"""The joint problem as the kernels want it: one world in space, whichever kind it is.
+
+A planar problem lies in the plane z = 0. Its steps and sightings say nothing of what leaves the
+plane: there `pins` hold poses and tags where they are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagmap.conventions import Array, Form, Index, Kind
+from tagmap.estimation import robust
+from tagmap.estimation.kernels.forms import (
+    MONO_PX,
+    POINT_M,
+    RANGE_BEARING,
+    RANGE_BEARING_PLANAR,
+    RIG_SIZE,
+    STEREO_PX,
+)
+from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
+from tagmap.estimation.problem import Odometry, Problem, Sightings, State
+from tagmap.geometry.camera import Camera
+from tagmap.geometry.stereo import StereoRig
+
+_CODES: dict[Form, int] = {
+    "stereo_px": STEREO_PX,
+    "mono_px": MONO_PX,
+    "point_cam_m": POINT_M,
+    "range_bearing": RANGE_BEARING,
+}
+_ROWS, _COLUMNS = np.tril_indices(4)
+_AXES: dict[Kind, Index] = {"spatial": np.arange(6), "planar": np.array([0, 1, 5])}
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """What the kernels are given, and how its rows come from the problem's blocks.
+
+    rows: of each block of sightings, where they stand among all. slot_column (N, s): see Linear.
+    pose_pins (6,), tag_pins (3,): diagonals for every pose and tag.
+    axes (dof,): which of the six coordinates of a pose the problem has.
+    """
+
+    sighted: Sighted
+    rows: tuple[Index, ...]
+    steps: Steps
+    first: Index
+    slot_column: Index
+    pose_pins: Array
+    tag_pins: Array
+    axes: Index
+
+
+def pack(problem: Problem) -> Packed:
+    """All blocks as one table."""
+    blocks = problem.sightings
+    pose = _joined([block.pose for block in blocks])
+    order = np.argsort(pose, kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    bounds = np.cumsum([0, *map(len, blocks)])
+    planar = problem.kind == "planar"
+    return Packed(
+        sighted=_sighted(problem, order),
+        rows=tuple(place[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)),
+        steps=_steps(problem),
+        first=np.searchsorted(pose[order], np.arange(problem.n_poses + 1)),
+        slot_column=_slots(problem),
+        pose_pins=np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0]) if planar else np.zeros(6),
+        tag_pins=np.array([0.0, 0.0, 1.0]) if planar else np.zeros(3),
+        axes=_AXES[problem.kind],
+    )
+
+
+def empty(packed: Packed, n_tags: int, n_columns: int) -> Linear:
+    """Room for one linearisation."""
+    n, k, slots = len(packed.first) - 1, len(packed.sighted.tag), packed.slot_column.shape[1]
+    steps, own = packed.steps.columns.shape
+    return Linear(
+        first=packed.first,
+        tag=packed.sighted.tag,
+        seen=np.zeros((k, 9)),
+        gradient=np.zeros((k, 3)),
+        diagonal=np.zeros((n, 6, 6)),
+        following=np.zeros((max(n - 1, 0), 6, 6)),
+        pose_gradient=np.zeros((n, 6)),
+        tag_diagonal=np.zeros((n_tags, 3, 3)),
+        tag_gradient=np.zeros((n_tags, 3)),
+        pose_calibration=np.zeros((n, 6, slots)),
+        slot_column=packed.slot_column,
+        tag_calibration=np.zeros((n_tags, 3, n_columns)),
+        calibration=np.zeros((n_columns, n_columns)),
+        calibration_gradient=np.zeros(n_columns),
+        step_column=packed.steps.columns,
+        step_calibration=np.zeros((steps, 6, own)),
+        step_corner=np.zeros((steps, own, own)),
+    )
+
+
+def poses_in_space(T: Array) -> Array:
+    """(N, 3, 3) or (N, 4, 4) to (N, 4, 4)."""
+    if T.shape[-1] == 4:
+        return np.ascontiguousarray(T, dtype=np.float64)
+    lifted = np.tile(np.eye(4), (len(T), 1, 1))
+    lifted[:, :2, :2], lifted[:, :2, 3] = T[:, :2, :2], T[:, :2, 2]
+    return lifted
+
+
+def tags_in_space(p: Array) -> Array:
+    """(M, 2) or (M, 3) to (M, 3)."""
+    return np.ascontiguousarray(np.pad(p, ((0, 0), (0, 3 - p.shape[1]))), dtype=np.float64)
+
+
+def state_of(kind: Kind, T: Array, p: Array, calibration: Array) -> State:
+    """Back to the kind of the problem."""
+    if kind == "spatial":
+        return State(T, p, calibration)
+    flat = np.tile(np.eye(3), (len(T), 1, 1))
+    flat[:, :2, :2], flat[:, :2, 2] = T[:, :2, :2], T[:, :2, 3]
+    return State(flat, p[:, :2].copy(), calibration)
+
+
+def _joined(parts: Sequence[Index]) -> Index:
+    whole: Index = np.concatenate([*parts, np.zeros(0, dtype=np.int64)])
+    return whole
+
+
+def _sighted(problem: Problem, order: Index) -> Sighted:
+    blocks = problem.sightings
+    sizes = [len(block) for block in blocks]
+    forms = [_form(problem.kind, block.form) for block in blocks]
+    c2 = np.zeros(RANGE_BEARING_PLANAR + 1)
+    for form, block in zip(forms, blocks, strict=True):
+        c2[form] = robust.chi2_bound(block.z.shape[1])
+    mounts, mount = _mounts(blocks)
+    each = np.repeat(np.arange(len(blocks)), sizes)[order]
+    z = [np.pad(block.z, ((0, 0), (0, 4 - block.z.shape[1]))) for block in blocks]
+    kinds, columns = _unknowns(problem)
+    return Sighted(
+        form=np.array(forms, dtype=np.int64)[each],
+        rig=each,
+        rigs=np.array([_rig(block.rig) for block in blocks]).reshape(-1, RIG_SIZE),
+        pose=_joined([block.pose for block in blocks])[order],
+        tag=_joined([block.tag for block in blocks])[order],
+        mount=mount[order],
+        T_cam_base=mounts,
+        z=np.concatenate([*z, np.zeros((0, 4))])[order],
+        whiten=np.concatenate([*(_lower(b.whiten) for b in blocks), np.zeros((0, 10))])[order],
+        unknowns=each,
+        kinds=kinds,
+        columns=columns,
+        twist=_twists(problem)[order] if _delayed(problem) else np.zeros((0, 6)),
+        c2=c2,
+    )
+
+
+def _unknowns(problem: Problem) -> tuple[Index, Index]:
+    """Codes and places of the unknowns of each block of sightings, -1 behind the last."""
+    most = max((len(block.unknowns) for block in problem.sightings), default=0)
+    columns = np.full((len(problem.sightings), most), -1, dtype=np.int64)
+    for row, block in zip(columns, problem.sightings, strict=True):
+        row[: len(block.unknowns)] = block.unknowns
+    codes = np.array([unknown.code for unknown in problem.calibration] + [-1], dtype=np.int64)
+    return codes[columns], columns
+
+
+def _delayed(problem: Problem) -> bool:
+    return any(block.twist is not None for block in problem.sightings)
+
+
+def _twists(problem: Problem) -> Array:
+    """(K, 6) of all sightings, block by block."""
+    twists = np.zeros((problem.n_sightings, 6))
+    axes, start = _AXES[problem.kind], 0
+    for block in problem.sightings:
+        if block.twist is not None:
+            twists[start : start + len(block), axes] = block.twist
+        start += len(block)
+    return twists
+
+
+def _slots(problem: Problem) -> Index:
+    """(N, s): the unknowns that the chain of each pose depends on anywhere, ascending, then -1.
+
+    The same for all poses of a chain, as what is known of one is carried on to the next.
+    """
+    if not problem.calibration:
+        return np.zeros((problem.n_poses, 0), dtype=np.int64)
+    begins = np.ones(problem.n_poses, dtype=np.int64)
+    begins[problem.odometry.first + 1] = 0
+    chain = np.cumsum(begins) - 1
+    used = np.zeros((int(begins.sum()), len(problem.calibration)), dtype=bool)
+    for block in problem.sightings:
+        used[np.ix_(np.unique(chain[block.pose]), block.unknowns)] = True
+    if problem.odometry.unknowns is not None:
+        for columns in problem.odometry.unknowns.T:
+            has = columns >= 0
+            used[chain[problem.odometry.first[has]], columns[has]] = True
+    slots = np.full((len(used), int(used.sum(axis=1).max(initial=0))), -1, dtype=np.int64)
+    row, column = np.nonzero(used)
+    slots[row, np.arange(len(row)) - np.searchsorted(row, row)] = column
+    own: Index = slots[chain]
+    return own
+
+
+def _form(kind: Kind, form: Form) -> int:
+    planar = kind == "planar" and form == "range_bearing"
+    return RANGE_BEARING_PLANAR if planar else _CODES[form]
+
+
+def _mounts(blocks: Sequence[Sightings]) -> tuple[Array, Index]:
+    """The T_cam_base that occur, (U, 4, 4), and which of them each sighting has."""
+    mounts, numbers, n = [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)], 0
+    for block in blocks:
+        own, number = _distinct(block.T_cam_base)
+        mounts.append(poses_in_space(own))
+        numbers.append(number + n)
+        n += len(own)
+    return np.concatenate(mounts), np.concatenate(numbers)
+
+
+def _lower(whiten: Array) -> Array:
+    """(K, c, c) lower triangular to (K, 10), as of 4 x 4."""
+    c = whiten.shape[-1]
+    inside = (_ROWS < c) & (_COLUMNS < c)
+    lower = np.zeros((len(whiten), 10))
+    lower[:, inside] = whiten[:, _ROWS[inside], _COLUMNS[inside]]
+    return lower
+
+
+def _distinct(T: Array) -> tuple[Array, Index]:
+    """The matrices that occur, and which of them each is."""
+    if (T == T[:1]).all():
+        return T[:1].copy(), np.zeros(len(T), dtype=np.int64)
+    flat, index = np.unique(T.reshape(len(T), -1), axis=0, return_inverse=True)
+    return flat.reshape(-1, *T.shape[1:]), index.ravel().astype(np.int64)
+
+
+def _rig(rig: StereoRig | None) -> Array:
+    numbers = np.zeros(RIG_SIZE)
+    if rig is not None:
+        numbers[:9], numbers[9:18] = _camera(rig.left), _camera(rig.right)
+        numbers[18:27], numbers[27:] = rig.T_right_left[:3, :3].ravel(), rig.T_right_left[:3, 3]
+    return numbers
+
+
+def _camera(camera: Camera) -> Array:
+    return np.concatenate([camera.focal_px, camera.centre_px, camera.dist])
+
+
+def _steps(problem: Problem) -> Steps:
+    n = max(problem.n_poses - 1, 0)
+    odometry, axes = problem.odometry, _AXES[problem.kind]
+    has, T, information = np.zeros(n, dtype=np.int64), np.zeros((n, 4, 4)), np.zeros((n, 6, 6))
+    has[odometry.first] = 1
+    T[odometry.first] = poses_in_space(odometry.T)
+    whole = np.swapaxes(odometry.whiten, -1, -2) @ odometry.whiten
+    information[odometry.first[:, None, None], axes[:, None], axes] = whole
+    return Steps(has, T, information, _step_columns(odometry, n))
+
+
+def _step_columns(odometry: Odometry, n: int) -> Index:
+    if odometry.unknowns is None:
+        return np.zeros((n, 0), dtype=np.int64)
+    columns = np.full((n, 2), -1, dtype=np.int64)
+    columns[odometry.first] = odometry.unknowns
+    return columns

@@ -1,0 +1,235 @@
+"""The joint problem linearised at some values of its unknowns.
+
+        [ A  B ] [poses]     [ a ]      A  block tridiagonal, one chain of odometry after the other
+        [ B' C ] [rest ]  =  [ b ]      rest: tags, then calibration unknowns
+
+How a step is found is said in tagmap.estimation.reduced.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagmap.conventions import Array
+from tagmap.estimation import robust
+from tagmap.estimation.kernels import calibration as unknowns
+from tagmap.estimation.kernels import motion, sightings, steps
+from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.kernels.step_weights import weigh_steps
+from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
+from tagmap.estimation.problem import Problem, State
+from tagmap.estimation.residuals import Residuals, Weights
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Of the unknowns, in space: T (N, 4, 4), p (M, 3), calibration (Q,)."""
+
+    T: Array
+    p: Array
+    calibration: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Robust weights of all sightings (K,), ascending by pose, surveyed tags and steps (N - 1,)."""
+
+    sightings: Array
+    surveyed: Array
+    steps: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Squares:
+    """Squared whitened residuals: of sightings (K,), steps (N - 1,), surveyed tags, priors."""
+
+    sightings: Array
+    steps: Array
+    surveyed: Array
+    calibration: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """The problem at some values: its linear model, and what each factor costs there.
+
+    asked: the cost at the weights it was asked with; `belief`, `cost`: those of the model.
+    own (M, 3, 3): what the tags' blocks hold besides sightings.
+    """
+
+    values: Values
+    linear: Linear
+    own: Array
+    squares: Squares
+    belief: Belief
+    asked: float
+    cost: float
+
+
+class System:
+    """The packed problem and room for two points: the present one and the next to be tried."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.packed = pack(problem)
+        self.n_columns = len(problem.calibration)
+        self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
+        self.condensed = None if problem.condensed is None else problem.condensed.information
+        surveyed, d = problem.surveyed, problem.tag_dof
+        self._survey = np.zeros((len(surveyed), 3, 3))
+        self._survey[:, :d, :d] = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
+        self._surveyed_p = tags_in_space(surveyed.p)
+
+    def values(self, state: State) -> Values:
+        return Values(poses_in_space(state.T), tags_in_space(state.p), state.calibration.copy())
+
+    def state(self, values: Values) -> State:
+        return state_of(self.problem.kind, values.T, values.p, values.calibration)
+
+    def moved(self, values: Values, poses: Array, tags: Array, calibration: Array) -> Values:
+        T = np.empty_like(values.T)
+        motion.move_all(values.T, poses, T)
+        return Values(T, values.p + tags, values.calibration + calibration)
+
+    def belief(self, weights: Weights) -> Belief:
+        """Weights by block as rows."""
+        rows = np.ones(self.problem.n_sightings)
+        for at, w in zip(self.packed.rows, weights.sightings, strict=True):
+            rows[at] = w
+        steps_ = np.ones(len(self.packed.steps.has))
+        steps_[self.problem.odometry.first] = weights.odometry
+        return Belief(rows, weights.surveyed, steps_)
+
+    def weights(self, belief: Belief) -> Weights:
+        """And back."""
+        by_block = tuple(belief.sightings[rows] for rows in self.packed.rows)
+        return Weights(by_block, belief.steps[self.problem.odometry.first], belief.surveyed)
+
+    def residuals(self, squares: Squares) -> Residuals:
+        """Squared residuals by block."""
+        by_block = tuple(squares.sightings[rows] for rows in self.packed.rows)
+        steps_ = squares.steps[self.problem.odometry.first]
+        return Residuals(by_block, steps_, squares.surveyed, squares.calibration)
+
+    def certain(self) -> Belief:
+        """Everything is believed."""
+        return Belief(
+            np.ones(self.problem.n_sightings),
+            np.ones(len(self.problem.surveyed)),
+            np.ones(len(self.packed.steps.has)),
+        )
+
+    def release(self, point: Point) -> None:
+        """Its room may be used again."""
+        self._room.append(point.linear)
+
+    def at(self, values: Values, belief: Belief, mu: float = sightings.KEEP) -> Point:
+        """Linearise, at new weights if mu is not KEEP; `asked` is the cost at the given ones."""
+        linear = self._room.pop()
+        _clear(linear)
+        w, r2 = np.empty_like(belief.sightings), np.empty_like(belief.sightings)
+        asked, cost = sightings.linearise_sightings(
+            self.packed.sighted,
+            values.T,
+            values.p,
+            values.calibration,
+            mu,
+            belief.sightings,
+            w,
+            r2,
+            linear,
+        )
+        steps.gather_sightings(linear)
+        step_w, step_r2 = np.empty_like(belief.steps), np.empty_like(belief.steps)
+        asked_steps, cost_steps = self._add_steps(linear, values, belief, mu, step_w, step_r2)
+        if self.packed.pose_pins.any():
+            linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
+        own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
+        prior_r2 = self._add_calibration_prior(linear, values)
+        rest = float(prior_r2.sum()) + self._add_condensed(linear, values)
+        return Point(
+            values,
+            linear,
+            own,
+            Squares(r2, step_r2, surveyed_r2, prior_r2),
+            Belief(w, surveyed_w, step_w),
+            asked + asked_steps + rest + float(belief.surveyed @ surveyed_r2),
+            cost + cost_steps + rest + float(surveyed_w @ surveyed_r2),
+        )
+
+    def _add_steps(
+        self, linear: Linear, values: Values, belief: Belief, mu: float, w: Array, r2: Array
+    ) -> tuple[float, float]:
+        """Odometry, with what it says of its own scales where they are unknowns; both costs."""
+        measured = self.packed.steps
+        calibrated = measured.columns.shape[1] > 0
+        corrected = measured
+        if calibrated:
+            corrected = measured._replace(T=np.empty_like(measured.T))
+            unknowns.corrected_steps(measured, values.calibration, corrected.T)
+        c2, least = robust.step_bound(self.problem.pose_dof), robust.LEAST_STEP
+        asked = weigh_steps(corrected, values.T, mu, c2, least, belief.steps, w, r2)
+        cost = steps.linearise_steps(corrected, values.T, w, np.empty_like(r2), linear)
+        if calibrated:
+            believed = measured._replace(information=measured.information * w[:, None, None])
+            unknowns.add_steps(believed, corrected.T, values.T, values.calibration, linear)
+        return asked, cost
+
+    def _add_surveys(
+        self, linear: Linear, values: Values, old: Array, mu: float
+    ) -> tuple[Array, Array, Array]:
+        """Their own blocks (M, 3, 3), weights and squared residuals."""
+        tag = self.problem.surveyed.tag
+        offset = values.p[tag] - self._surveyed_p
+        pull = (self._survey @ offset[:, :, None])[:, :, 0]
+        r2 = (offset * pull).sum(axis=1)
+        w = old
+        if mu >= 0.0:
+            w = robust.truncated(r2, robust.chi2_bound(self.problem.tag_dof), mu)
+        own = np.zeros_like(linear.tag_diagonal)
+        own[:, range(3), range(3)] = self.packed.tag_pins
+        np.add.at(own, tag, self._survey * w[:, None, None])
+        np.add.at(linear.tag_gradient, tag, pull * w[:, None])
+        linear.tag_diagonal[:] += own
+        return own, w, r2
+
+    def _add_condensed(self, linear: Linear, values: Values) -> float:
+        """What keyframes that are gone said of tags and calibration."""
+        condensed = self.problem.condensed
+        if condensed is None:
+            return 0.0
+        assert self.condensed is not None
+        p, c = values.p - condensed.p, values.calibration - condensed.calibration
+        across = condensed.across.reshape(p.size, len(c))
+        by_tag = self.condensed @ p.ravel() + across @ c
+        by_unknown = condensed.corner @ c + across.T @ p.ravel()
+        linear.tag_gradient[:] += condensed.pull + by_tag.reshape(p.shape)
+        linear.calibration_gradient[:] += condensed.calibration_pull + by_unknown
+        each = condensed.rows == condensed.columns
+        np.add.at(linear.tag_diagonal, condensed.rows[each], condensed.blocks[each])
+        linear.tag_calibration[:] += condensed.across
+        linear.calibration[:] += condensed.corner
+        quadratic = p.ravel() @ by_tag + c @ by_unknown
+        along = p.ravel() @ condensed.pull.ravel() + c @ condensed.calibration_pull
+        return float(condensed.cost + quadratic + 2.0 * along)
+
+    def _add_calibration_prior(self, linear: Linear, values: Values) -> Array:
+        information = self.problem.prior_sigma**-2.0
+        offset = values.calibration - self.problem.prior_mean
+        linear.calibration[range(self.n_columns), range(self.n_columns)] += information
+        linear.calibration_gradient[:] += information * offset
+        r2: Array = information * offset**2
+        return r2
+
+
+def _clear(linear: Linear) -> None:
+    """What is added to, not set."""
+    for sums in (
+        linear.tag_diagonal,
+        linear.tag_gradient,
+        linear.pose_calibration,
+        linear.tag_calibration,
+        linear.calibration,
+        linear.calibration_gradient,
+    ):
+        sums[:] = 0.0
