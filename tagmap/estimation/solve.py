@@ -19,6 +19,7 @@ from tagmap.estimation.solution import (
 )
 from tagmap.estimation.stack import SessionData, SurveyedTag, stack
 from tagmap.estimation.unknowns import UnknownName
+from tagmap.estimation.verdicts import verdicts
 from tagmap.geometry.covariance import pack_upper
 from tagmap.records.tag import TagState
 
@@ -63,6 +64,7 @@ def _in_frame(settled: Settled) -> Solution:
         rejected=problem.n_sightings - inliers,
         solve_s=0.0,
         report=tuple(report(settled)),
+        verdicts=verdicts(settled),
         calibration=calibration,
     )
 

@@ -55,7 +55,7 @@ def test_slips_are_cut_off_and_nothing_else(kind: Kind, steps: list[int]) -> Non
     assert len(cut)
     assert len(slipped.poses) == stacked.problem.n_poses
     assert _rmse_m(world, slipped) < 1.1 * _rmse_m(world, clean) + 5e-4
-    assert slipped.support.sum() > 0.99 * clean.support.sum()
+    assert slipped.support.sum() > 0.98 * clean.support.sum()
 
 
 @pytest.mark.parametrize("kind", ["planar", "spatial"])
