@@ -59,9 +59,13 @@ def points_of(problem: Problem, calibration: Array | None = None) -> Points:
     """
     parts, n = [], 0
     for block in problem.sightings:
-        part = _points_of_block(problem, block, {} if calibration is None else {
-            problem.calibration[u].name: float(calibration[u]) for u in block.unknowns
-        })
+        part = _points_of_block(
+            problem,
+            block,
+            {}
+            if calibration is None
+            else {problem.calibration[u].name: float(calibration[u]) for u in block.unknowns},
+        )
         parts.append(replace(part, row=part.row + n))
         n += len(block)
     parts = [part for part in parts if len(part.pose)]
