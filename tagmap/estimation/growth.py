@@ -28,7 +28,7 @@ from tagmap.estimation.restrict import restrict
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
-LEAST_AGREEING = 1.4
+LEAST_AGREEING = 2
 MU_STEP = 4.0
 MOST_MISFITS = 0.5
 LEAST_GROWN = 1.5
@@ -135,8 +135,10 @@ class _Growth:
         d = self._problem.tag_dof
         seen = self._points.of_poses(0, stop - 1)
         T = state_of(self._problem.kind, self._T[:stop], self._p, np.zeros(0)).T
-        fit = fit_tags(seen.take(np.flatnonzero(wanted[seen.tag])), T, self._problem.n_tags)
-        new = np.flatnonzero(fit.determined & (fit.n >= LEAST_AGREEING))
+        seen = seen.take(np.flatnonzero(wanted[seen.tag]))
+        fit = fit_tags(seen, T, self._problem.n_tags)
+        agreeing = np.bincount(seen.tag[seen.near(T[seen.pose], fit.p)], minlength=len(wanted))
+        new = np.flatnonzero(fit.determined & (agreeing >= LEAST_AGREEING))
         self._p[new] = tags_in_space(fit.p[new])
         self._information[new] = np.diag(self._packed.tag_pins)
         self._information[new, :d, :d] = fit.information[new]

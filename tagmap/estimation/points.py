@@ -16,6 +16,7 @@ ROBUST_ROUNDS = 10
 LEAST_PARALLAX = 1e-3
 GUESSED_RANGE_M = 5.0
 LEAST_DETERMINANT = 1e-12
+LOOSE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,14 @@ class Points:
         offset = group.act(group.inverse(T), p[self.tag]) - self.p_base
         square: Array = np.einsum("ka,kab,kb->k", offset, self.information, offset)
         return square
+
+    def near(self, T: Array, p: Array) -> Mask:
+        """(K,) points within a tenth of the way to their tag at p (M, d), where T may have drifted."""
+        group = se2 if p.shape[1] == 2 else se3
+        there = group.act(group.inverse(T), p[self.tag])
+        far = LOOSE**2 * (there**2).sum(axis=1) * np.trace(self.information, axis1=1, axis2=2)
+        close: Mask = self.distances(T, p) <= far
+        return close
 
 
 _FIELDS = ("pose", "tag", "p_base", "information", "row")
