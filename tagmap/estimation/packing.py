@@ -193,7 +193,8 @@ def _slots(problem: Problem) -> Index:
     chain = np.cumsum(begins) - 1
     used = np.zeros((int(begins.sum()), len(problem.calibration)), dtype=bool)
     for block in problem.sightings:
-        used[np.ix_(np.unique(chain[block.pose]), block.unknowns)] = True
+        own = np.array(block.unknowns, dtype=np.int64)
+        used[np.ix_(np.unique(chain[block.pose]), own)] = True
     if problem.odometry.unknowns is not None:
         for columns in problem.odometry.unknowns.T:
             has = columns >= 0
@@ -201,8 +202,8 @@ def _slots(problem: Problem) -> Index:
     slots = np.full((len(used), int(used.sum(axis=1).max(initial=0))), -1, dtype=np.int64)
     row, column = np.nonzero(used)
     slots[row, np.arange(len(row)) - np.searchsorted(row, row)] = column
-    own: Index = slots[chain]
-    return own
+    by_pose: Index = slots[chain]
+    return by_pose
 
 
 def _form(kind: Kind, form: Form) -> int:

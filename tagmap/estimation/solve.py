@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.estimation.problem import lie
 from tagmap.estimation.optimise import Options
-from tagmap.estimation.problem import State
+from tagmap.estimation.problem import State, lie
 from tagmap.estimation.report import report
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled, settle
 from tagmap.estimation.solution import (
