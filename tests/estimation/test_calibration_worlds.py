@@ -14,13 +14,14 @@ from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Kind
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import lie
 from tagmap.estimation.settle import Settled, settle
+from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import stack
 from tagmap.estimation.stated import Stated
 from tagmap.estimation.unknowns import UnknownName
 from tagmap.geometry.alignment import align
 from tagmap.records import CalibrationSigmas, Hello
 from tests.estimation import worlds
-from tests.estimation.worlds import EXACT, Drive, Hidden, World, hall, session
+from tests.estimation.worlds import EXACT, FORMS, Drive, Hidden, World, hall, session
 
 STATED: dict[Kind, CalibrationSigmas] = {
     "planar": CalibrationSigmas(
@@ -248,3 +249,19 @@ def test_without_odometry_nothing_is_said_of_it(kind: Kind) -> None:
     assert settled.marginals is not None
     for name in ("odometry_scale", "wheel_base", "time_offset_s"):
         _stays(settled, name)
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_absurd_priors_are_answered_with_a_solution(kind: Kind) -> None:
+    """From exact to one part in 1e9 to not known at all."""
+    for seed in (1, 3, 5):
+        rng = np.random.default_rng(seed)
+        world = hall(kind, rng, 6, spread=0.5)
+        options = CalibrationSigmas.__struct_fields__
+        sigmas = {name: float(10.0 ** rng.uniform(-9.0, 12.0)) for name in options}
+        drive = Drive(n=15, radius_m=1.5, forms=FORMS[kind], stated=CalibrationSigmas(**sigmas))
+        solution = solve([session(world, drive, rng)[0]], world.survey((0, 2, 5)))
+        for unknown in solution.calibration:
+            assert np.isfinite([unknown.value, unknown.sigma]).all()
+        for tag in solution.tags:
+            assert tag.p is None or np.isfinite(tag.p).all()
