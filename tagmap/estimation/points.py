@@ -50,7 +50,7 @@ class Points:
         return square
 
     def near(self, T: Array, p: Array) -> Mask:
-        """(K,) points within a tenth of the way to their tag at p (M, d), where T may have drifted."""
+        """(K,) points within a tenth of the way to their tag at p (M, d), as poses T may drift."""
         group = se2 if p.shape[1] == 2 else se3
         there = group.act(group.inverse(T), p[self.tag])
         far = LOOSE**2 * (there**2).sum(axis=1) * np.trace(self.information, axis1=1, axis2=2)

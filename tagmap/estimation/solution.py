@@ -84,9 +84,9 @@ class Solution:
     """A map and the poses that go with it, and how much they can be trusted.
 
     scale, stereo_scale: the scales that all sensors share, None where not an unknown; calibration:
-    these and every other unknown of the sensors. cost: the robust
-    objective. inliers, rejected: sightings with a robust weight above or below one half.
-    verdicts: which factors are rejected. report: what is withheld or doubtful and what would mend it, one line each.
+    these and every other unknown of the sensors. cost: the robust objective. inliers, rejected:
+    sightings with a robust weight above or below one half; verdicts: which factors are rejected.
+    report: what is withheld or doubtful and what would mend it, one line each.
     """
 
     kind: Kind

@@ -164,36 +164,6 @@ def _pieces(problem: Problem, points: Points, chain: Chain, target: LocalMap) ->
     return T
 
 
-def _sure(points: Points, T: Array, fit: TagFit) -> Mask:
-    """Tags (M,) at whose place several of their points are, and not too small a share.
-
-    Names that a chain only ever gave to other tags would outvote those that it saw. Chains may be
-    bent, so what is near is judged by the size of the map.
-    """
-    p = fit.p[fit.determined]
-    size = np.sqrt(np.square(p - np.median(p, axis=0)).sum(axis=1).mean()) if len(p) else 0.0
-    square = points.distances(T[points.pose], fit.p)
-    near = square <= MOST_BENT**2 * size**2 * np.trace(points.information, axis1=1, axis2=2)
-    n_tags = len(fit.p)
-    agreeing = np.bincount(points.tag[near], minlength=n_tags)
-    seen = np.bincount(points.tag, minlength=n_tags)
-    sure: Mask = agreeing >= np.maximum(LEAST_AGREEING, LEAST_SHARE * seen)
-    return sure
-
-
-def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> Start:
-    survey = survey_map(problem)
-    members, anchored = component(problem.kind, chains, survey)
-    T, placed = _poses(problem, members)
-    fit = fit_tags(points.take(np.flatnonzero(placed[points.pose])), T, problem.n_tags)
-    p, mapped = np.nan_to_num(fit.p), fit.determined
-    if survey is not None and anchored:
-        seen = mapped[survey.tags, None]
-        p[survey.tags] = np.where(seen, p[survey.tags], survey.p)
-        mapped[survey.tags] = True
-    return Start(T, p, placed, mapped, anchored)
-
-
 def _poses(problem: Problem, members: list[Placed]) -> tuple[Array, Mask]:
     """All poses (N, D, D), identity where not placed, and which are placed (N,)."""
     T = np.tile(np.eye(problem.tag_dof + 1), (problem.n_poses, 1, 1))

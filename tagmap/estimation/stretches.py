@@ -44,7 +44,7 @@ def relaid(
 def _stretches(
     points: Points, chain: Index, start: Start, accepted: Mask
 ) -> Iterator[tuple[int, int]]:
-    """First and last pose of runs in which no pose has as much as half of its sightings accepted."""
+    """First and last pose of runs in which no pose has half of its sightings accepted."""
     judged = start.placed[points.pose] & start.mapped[points.tag]
     n = len(start.T)
     seen = np.bincount(points.pose[judged], minlength=n)

@@ -1,4 +1,4 @@
-"""Wheels that slip: steps far off their covariance do not bend the map, and no chain falls apart."""
+"""Wheels that slip: steps far off their covariance do not bend the map or break a chain."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Every set of up to four sightings of up to three tags has an answer, and a line for what it lacks."""
+"""Every set of up to four sightings of up to three tags is answered, with what it lacks."""
 
 import numpy as np
 from hypothesis import given, settings
