@@ -101,7 +101,7 @@ class _Growth:
             whiten=sighted.whiten[a:b],
             unknowns=sighted.unknowns[a:b],
         )
-        steps = Steps(*(part[start : stop - 1] for part in packed.steps))
+        steps = Steps._make(part[start : stop - 1] for part in packed.steps)
         return kernel.Window(
             sighted=own,
             steps=steps,
@@ -163,7 +163,7 @@ class _Growth:
 def _information_of(cov: Array) -> Array:
     """Inverse (6, 6); nothing where rounding leaves none."""
     try:
-        information: Array = np.linalg.inv(cov)
+        information = np.asarray(np.linalg.inv(cov), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.zeros((6, 6))
     return information if np.isfinite(information).all() else np.zeros((6, 6))
