@@ -35,7 +35,9 @@ def draw() -> Figure:
     between, corner = point.linear.tag_calibration.copy(), point.linear.calibration.copy()
     rows, columns, blocks = eliminated(point.linear, L, D, between, corner)
     reduced = whole(rows, columns, np.ones_like(blocks), m).toarray()[::3, ::3] != 0.0
-    pattern = Pattern.of(system.packed.first, system.packed.sighted.tag, m, system.packed.slot_column)
+    pattern = Pattern.of(
+        system.packed.first, system.packed.sighted.tag, m, system.packed.slot_column
+    )
     cut = np.zeros((m, m), dtype=bool)
     at = np.repeat(np.arange(m), np.diff(pattern.indptr))
     cut[at, pattern.indices] = cut[pattern.indices, at] = True

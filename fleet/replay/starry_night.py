@@ -14,6 +14,7 @@ from tagmap.conventions import Array, Index
 from tagmap.errors import DataError
 from tagmap.geometry import se3
 from tagmap.records import (
+    CalibrationSigmas,
     CameraCalibration,
     Introduction,
     Measurement,
@@ -27,6 +28,8 @@ from tagmap.records.arrays import transform, upper, vector
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 NOT_SEEN = -1.0
+# What any rectified pair and any two clocks may be off by; the file says nothing of either.
+UNSURE_OF = CalibrationSigmas(disparity_px=0.2, time_offset_s=0.02)
 
 Shapes: TypeAlias = dict[str, tuple[int | str, ...]]
 SHAPES: Shapes = {
@@ -60,7 +63,7 @@ def read(path: Path) -> Recording:
         )
         for k in range(len(t_ns))
     ]
-    introduction = Introduction(kind="spatial", rig=_rig(data))
+    introduction = Introduction(kind="spatial", rig=_rig(data), calibration=UNSURE_OF)
     robot = RobotRecording("r1", 1, introduction, observations)
     return Recording("starry-night", "spatial", [robot], [])
 

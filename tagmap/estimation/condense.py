@@ -28,9 +28,7 @@ def condense(problem: Problem, optimum: Optimum, old: Mask) -> tuple[Problem, St
     part = replace(part, surveyed=part.surveyed.take(np.zeros(0, dtype=np.int64)))
     state = State(optimum.state.T[gone], optimum.state.p, optimum.state.calibration)
     new = condensed_of(part, state, _of_poses(problem, optimum.weights, old))
-    left = replace(
-        restrict(problem, kept, everything), condensed=merged(problem.condensed, new)
-    )
+    left = replace(restrict(problem, kept, everything), condensed=merged(problem.condensed, new))
     return left, replace(optimum.state, T=optimum.state.T[kept])
 
 
@@ -42,7 +40,7 @@ def condensed_of(problem: Problem, state: State, weights: Weights) -> Condensed:
 
 
 def factored(linear: Linear) -> tuple[Array, Array]:
-    """L and D of A (tagmap.estimation.kernels.chain); LinAlgError if it is not positive definite."""
+    """L and D of A (tagmap.estimation.kernels.chain); LinAlgError if it is not definite."""
     n = len(linear.diagonal)
     L, D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
     if not chain.factor(linear, 0.0, L, D, np.zeros((6, 6))):

@@ -18,7 +18,6 @@ from scipy import sparse
 from tagmap.conventions import Array, Index
 from tagmap.geometry.alignment import align
 
-
 # Less than any tag is known by.
 STILL_M = 1e-4
 
@@ -29,8 +28,8 @@ class Condensed:
 
     p (M, 3), calibration (Q,): p0 and c0. rows, columns (P,): pairs of tags, rows >= columns, with
     blocks (P, 3, 3) of H; across (M, 3, Q), corner (Q, Q): the rest of H.
-    pull (M, 3), calibration_pull (Q,): g. cost: the constant. n: sightings in it, with the mean efficiency
-    `worth` (tagmap.estimation.robust.efficient).
+    pull (M, 3), calibration_pull (Q,): g. cost: the constant. n: sightings in it, of mean
+    efficiency `worth` (tagmap.estimation.robust.efficient).
     """
 
     p: Array
@@ -85,7 +84,7 @@ class Condensed:
         )
 
     def among(self, tags: Index, n_tags: int) -> "Condensed":
-        """The same with numbers out of n_tags, in which these are `tags`; of others it says nothing."""
+        """The same with numbers out of n_tags, in which these are `tags`."""
         p, pull = np.zeros((n_tags, 3)), np.zeros((n_tags, 3))
         across = np.zeros((n_tags, 3, len(self.calibration)))
         p[tags], pull[tags], across[tags] = self.p, self.pull, self.across

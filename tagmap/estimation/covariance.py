@@ -18,13 +18,13 @@ from scipy.sparse.linalg import splu
 
 from tagmap.conventions import Array, Index
 from tagmap.estimation import robust
-from tagmap.estimation.gauge import is_free, rigid_motions
 from tagmap.estimation.condensed import whole
 from tagmap.estimation.elimination import eliminated
+from tagmap.estimation.gauge import is_free, rigid_motions
 from tagmap.estimation.kernels import chain, schur
 from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem
-from tagmap.estimation.system import Point, System
+from tagmap.estimation.system import System
 
 ROUNDING = 1e-6
 POSES_AT_ONCE = 42
@@ -90,7 +90,9 @@ class Marginals:
         self._corner = np.zeros_like(corner)
         if not len(corner):
             return
-        self._across = np.column_stack([self._solve(np.ascontiguousarray(column)) for column in between.T])
+        self._across = np.column_stack(
+            [self._solve(np.ascontiguousarray(column)) for column in between.T]
+        )
         left = corner - between.T @ self._across
         factor = linalg.cho_factor(0.5 * (left + left.T))
         self._corner = linalg.cho_solve(factor, np.eye(len(corner)))

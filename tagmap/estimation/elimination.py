@@ -18,14 +18,12 @@ def eliminated(
     """-B' A^-1 B by pairs of tags: rows >= columns (P,), blocks (P, 3, 3).
 
     L, D: the factors of A. Its parts with calibration unknowns are added to between (M, 3, Q) and
-    corner (Q, Q). Exact but for what has faded to FADED of a tag's own block: its root is the error of
-    pairs, and must leave rigid motions of all tags free.
+    corner (Q, Q). Exact but for what has faded to FADED of a tag's own block: the root of that is
+    the error of pairs, and must be nothing to rigid motions of all tags, of which nothing is known.
     """
     n_tags = len(linear.tag_diagonal)
     bounds = np.zeros(len(linear.first), dtype=np.int64)
-    count = segments.cut(
-        linear.first, linear.slot_column, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds
-    )
+    count = segments.cut(linear.first, linear.slot_column, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
     scale = np.trace(linear.tag_diagonal, axis1=1, axis2=2)
     room, width = FIRST_PAIRS * (n_tags + 1), min(n_tags, FIRST_WIDTH)
     while True:

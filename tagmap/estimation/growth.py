@@ -28,7 +28,7 @@ from tagmap.estimation.restrict import restrict
 WINDOW = 60
 FIRST_SIGMA = 1e-4
 LEAST_SIGHTINGS = 3.0
-LEAST_AGREEING = 1.4
+LEAST_AGREEING = 2
 MU_STEP = 4.0
 MOST_MISFITS = 0.5
 LEAST_GROWN = 1.5
@@ -101,7 +101,7 @@ class _Growth:
             whiten=sighted.whiten[a:b],
             unknowns=sighted.unknowns[a:b],
         )
-        steps = Steps(*(part[start : stop - 1] for part in packed.steps))
+        steps = Steps._make(part[start : stop - 1] for part in packed.steps)
         return kernel.Window(
             sighted=own,
             steps=steps,
@@ -135,8 +135,10 @@ class _Growth:
         d = self._problem.tag_dof
         seen = self._points.of_poses(0, stop - 1)
         T = state_of(self._problem.kind, self._T[:stop], self._p, np.zeros(0)).T
-        fit = fit_tags(seen.take(np.flatnonzero(wanted[seen.tag])), T, self._problem.n_tags)
-        new = np.flatnonzero(fit.determined & (fit.n >= LEAST_AGREEING))
+        seen = seen.take(np.flatnonzero(wanted[seen.tag]))
+        fit = fit_tags(seen, T, self._problem.n_tags)
+        agreeing = np.bincount(seen.tag[seen.near(T[seen.pose], fit.p)], minlength=len(wanted))
+        new = np.flatnonzero(fit.determined & (agreeing >= LEAST_AGREEING))
         self._p[new] = tags_in_space(fit.p[new])
         self._information[new] = np.diag(self._packed.tag_pins)
         self._information[new, :d, :d] = fit.information[new]
@@ -161,7 +163,7 @@ class _Growth:
 def _information_of(cov: Array) -> Array:
     """Inverse (6, 6); nothing where rounding leaves none."""
     try:
-        information: Array = np.linalg.inv(cov)
+        information = np.asarray(np.linalg.inv(cov), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.zeros((6, 6))
     return information if np.isfinite(information).all() else np.zeros((6, 6))

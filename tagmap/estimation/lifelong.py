@@ -26,7 +26,7 @@ KEPT = 10
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """alive: the latest poses of a chain, which are not condensed; at_once: how many go together."""
+    """alive: latest poses of a chain, not condensed; at_once: how many go together."""
 
     alive: int = 200
     at_once: int = 100
@@ -101,9 +101,7 @@ class Lifelong:
         if not len(self.calibration):
             self.calibration = problem.prior_mean
 
-    def _start(
-        self, problem: Problem, ids: Index, T_given: Array | None
-    ) -> tuple[Array, Mask]:
+    def _start(self, problem: Problem, ids: Index, T_given: Array | None) -> tuple[Array, Mask]:
         """Poses (n, D, D) as known, carried on by odometry, given, or laid onto the map."""
         size = problem.tag_dof + 1
         T = np.full((len(ids), size, size), np.nan)
@@ -171,4 +169,3 @@ def _old(problem: Problem, span: Span) -> Mask:
     place = np.arange(problem.n_poses) - starts[chain]
     old: Mask = place < going[chain]
     return old
-

@@ -6,6 +6,7 @@ plane: there `pins` hold poses and tags where they are.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -64,7 +65,7 @@ def pack(problem: Problem) -> Packed:
     planar = problem.kind == "planar"
     return Packed(
         sighted=_sighted(problem, order),
-        rows=tuple(place[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)),
+        rows=tuple(place[a:b] for a, b in pairwise(bounds.tolist())),
         steps=_steps(problem),
         first=np.searchsorted(pose[order], np.arange(problem.n_poses + 1)),
         slot_column=_slots(problem),
@@ -193,7 +194,8 @@ def _slots(problem: Problem) -> Index:
     chain = np.cumsum(begins) - 1
     used = np.zeros((int(begins.sum()), len(problem.calibration)), dtype=bool)
     for block in problem.sightings:
-        used[np.ix_(np.unique(chain[block.pose]), block.unknowns)] = True
+        own = np.array(block.unknowns, dtype=np.int64)
+        used[np.ix_(np.unique(chain[block.pose]), own)] = True
     if problem.odometry.unknowns is not None:
         for columns in problem.odometry.unknowns.T:
             has = columns >= 0
@@ -201,8 +203,8 @@ def _slots(problem: Problem) -> Index:
     slots = np.full((len(used), int(used.sum(axis=1).max(initial=0))), -1, dtype=np.int64)
     row, column = np.nonzero(used)
     slots[row, np.arange(len(row)) - np.searchsorted(row, row)] = column
-    own: Index = slots[chain]
-    return own
+    by_pose: Index = slots[chain]
+    return by_pose
 
 
 def _form(kind: Kind, form: Form) -> int:
@@ -224,7 +226,7 @@ def _mounts(blocks: Sequence[Sightings]) -> tuple[Array, Index]:
 def _lower(whiten: Array) -> Array:
     """(K, c, c) lower triangular to (K, 10), as of 4 x 4."""
     c = whiten.shape[-1]
-    inside = (_ROWS < c) & (_COLUMNS < c)
+    inside = (c > _ROWS) & (c > _COLUMNS)
     lower = np.zeros((len(whiten), 10))
     lower[:, inside] = whiten[:, _ROWS[inside], _COLUMNS[inside]]
     return lower
@@ -232,7 +234,7 @@ def _lower(whiten: Array) -> Array:
 
 def _distinct(T: Array) -> tuple[Array, Index]:
     """The matrices that occur, and which of them each is."""
-    if (T == T[:1]).all():
+    if (T[:1] == T).all():
         return T[:1].copy(), np.zeros(len(T), dtype=np.int64)
     flat, index = np.unique(T.reshape(len(T), -1), axis=0, return_inverse=True)
     return flat.reshape(-1, *T.shape[1:]), index.ravel().astype(np.int64)

@@ -16,6 +16,7 @@ ROBUST_ROUNDS = 10
 LEAST_PARALLAX = 1e-3
 GUESSED_RANGE_M = 5.0
 LEAST_DETERMINANT = 1e-12
+LOOSE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,14 @@ class Points:
         square: Array = np.einsum("ka,kab,kb->k", offset, self.information, offset)
         return square
 
+    def near(self, T: Array, p: Array) -> Mask:
+        """(K,) points within a tenth of the way to their tag at p (M, d), as poses T may drift."""
+        group = se2 if p.shape[1] == 2 else se3
+        there = group.act(group.inverse(T), p[self.tag])
+        far = LOOSE**2 * (there**2).sum(axis=1) * np.trace(self.information, axis1=1, axis2=2)
+        close: Mask = self.distances(T, p) <= far
+        return close
+
 
 _FIELDS = ("pose", "tag", "p_base", "information", "row")
 
@@ -59,9 +68,13 @@ def points_of(problem: Problem, calibration: Array | None = None) -> Points:
     """
     parts, n = [], 0
     for block in problem.sightings:
-        part = _points_of_block(problem, block, {} if calibration is None else {
-            problem.calibration[u].name: float(calibration[u]) for u in block.unknowns
-        })
+        part = _points_of_block(
+            problem,
+            block,
+            {}
+            if calibration is None
+            else {problem.calibration[u].name: float(calibration[u]) for u in block.unknowns},
+        )
         parts.append(replace(part, row=part.row + n))
         n += len(block)
     parts = [part for part in parts if len(part.pose)]

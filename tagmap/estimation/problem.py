@@ -1,10 +1,10 @@
-"""The joint problem as stacked arrays: all poses of all robots, all tags, a few numbers of calibration.
+"""The joint problem as stacked arrays: all poses, all tags, a few numbers of calibration.
 
     unknowns   T (N poses)  p (M tags)  c (calibration)   update T <- T @ exp(delta), p + dp, c + dc
-    residuals  sighting   L^-1 (z - h(T_cam_base T_map_base^-1 p; c))       pose i, tag j, some of c
-               odometry   L^-1 log(T_prev_cur(c)^-1 T_i^-1 T_i+1)           poses i, i + 1, some of c
-               survey     L^-1 (p - p_surveyed)                             tag j
-               prior      (c - mean) / sigma                                each of c
+    residuals  sighting   L^-1 (z - h(T_cam_base T_map_base^-1 p; c))      pose i, tag j, some c
+               odometry   L^-1 log(T_prev_cur(c)^-1 T_i^-1 T_i+1)          poses i, i + 1, some c
+               survey     L^-1 (p - p_surveyed)                            tag j
+               prior      (c - mean) / sigma                               each c
     each squared, whitened by its covariance cov = L L^T.
 
 Poses are numbered so that a chain of odometry steps has consecutive numbers: the pose part of the

@@ -105,7 +105,7 @@ class Reduced:
 
     def __init__(self, system: System) -> None:
         self._system = system
-        n, packed = system.problem.n_poses, system.packed
+        n = system.problem.n_poses
         self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
         self._u, self._work = np.zeros((n, 6)), np.zeros((6, 6))
         self._linear: Linear
@@ -264,9 +264,7 @@ def _damped(blocks: Array, damping: float) -> Array:
     return added
 
 
-def _dense(
-    blocks: Array, pattern: Pattern, shape: tuple[int, int]
-) -> Precondition | None:
+def _dense(blocks: Array, pattern: Pattern, shape: tuple[int, int]) -> Precondition | None:
     lower = sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape).toarray()
     try:
         factor = linalg.cholesky(lower, lower=True, overwrite_a=True, check_finite=False)
@@ -275,9 +273,7 @@ def _dense(
     return lambda r: linalg.cho_solve((factor, True), r, check_finite=False)
 
 
-def _sparse(
-    blocks: Array, pattern: Pattern, shape: tuple[int, int]
-) -> Precondition | None:
+def _sparse(blocks: Array, pattern: Pattern, shape: tuple[int, int]) -> Precondition | None:
     lower = sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape).tocsc()
     strictly = sparse.tril(lower, -1)
     diagonal = sparse.tril(lower).tocsc()
@@ -294,9 +290,7 @@ def _sparse(
     return factor.solve
 
 
-def _bordered(
-    solve: Precondition, between: Array, corner: Array
-) -> Precondition | None:
+def _bordered(solve: Precondition, between: Array, corner: Array) -> Precondition | None:
     """Solve with a few columns more: [[M, between], [between', corner]]."""
     m, q = between.shape
     if not q:

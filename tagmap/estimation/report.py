@@ -6,8 +6,13 @@ import numpy as np
 
 from tagmap.estimation.merge import least_shared
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled
+from tagmap.estimation.solution import RejectedStep
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import LEAST_SURVEYED, survey_map
+from tagmap.estimation.verdicts import verdicts
+
+MOST_NAMED = 5
+ENOUGH = 2
 
 
 def report(settled: Settled) -> Iterator[str]:
@@ -20,6 +25,7 @@ def report(settled: Settled) -> Iterator[str]:
     yield from _gauge(settled)
     yield from _sessions(settled)
     yield from _tags(settled)
+    yield from _steps(settled)
     yield from _surveys(settled.unanchored or settled)
 
 
@@ -69,10 +75,39 @@ def _tags_by_session(stacked: Stacked) -> list[set[int]]:
 
 
 def _tags(settled: Settled) -> Iterator[str]:
-    for tag in np.flatnonzero(~settled.start.mapped):
+    stacked, start = settled.stacked, settled.start
+    seen = np.zeros(len(stacked.tags), dtype=np.int64)
+    from_map = np.zeros(len(stacked.tags), dtype=np.int64)
+    for block in stacked.problem.sightings:
+        seen += np.bincount(block.tag, minlength=len(seen))
+        placed = start.placed[block.pose]
+        from_map += np.bincount(block.tag[placed], minlength=len(seen))
+    for tag in np.flatnonzero(~start.mapped):
+        yield f"tag {stacked.tags[tag]}: withheld: {_why(seen[tag], from_map[tag])}"
+
+
+def _why(seen: int, from_map: int) -> str:
+    """What a tag lacks, by its sightings and those of them from keyframes on the map."""
+    mend = "it needs sightings from two directions or one with range"
+    if not from_map:
+        return f"no keyframe on the map sees it, {seen} sightings come from elsewhere; {mend}"
+    if from_map < ENOUGH:
+        return f"its {from_map} sightings from keyframes on the map do not determine it; {mend}"
+    return f"its {from_map} sightings contradict each other or leave a direction open; {mend}"
+
+
+def _steps(settled: Settled) -> Iterator[str]:
+    """Odometry that the tags contradict, one line per session."""
+    found: dict[tuple[str, str], list[RejectedStep]] = {}
+    for step in verdicts(settled).steps:
+        found.setdefault((step.robot, step.session), []).append(step)
+    for (robot, session), steps in found.items():
+        worst = sorted(steps, key=lambda step: -step.chi2)[:MOST_NAMED]
+        seqs = ", ".join(str(step.seq) for step in sorted(worst, key=lambda step: step.seq))
         yield (
-            f"tag {settled.stacked.tags[tag]}: withheld: no keyframe on the map determines its "
-            "position; it needs sightings from two directions or one with range"
+            f"session {robot}/{session}: {len(steps)} odometry steps not used, the tags contradict "
+            f"them by up to {np.sqrt(worst[0].chi2):.0f} sigma: seq {seqs}"
+            + (", ..." if len(steps) > len(worst) else "")
         )
 
 

@@ -29,7 +29,6 @@ CHANCE = 1e-4
 AMPLE = 3.0
 TWINS_M = 0.05
 MANY_WRONG = 0.1
-MOSTLY = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +75,13 @@ def revoted(votes: Votes, start: Start) -> tuple[Votes, Start] | None:
 
 
 def _homeless(votes: Votes, points: Points, start: Start, p: Array) -> Mask:
-    """Tags (M,) of which most sightings contradict each other, and no more agree than may by chance.
+    """Tags (M,) whose sightings mostly contradict each other; no more agree than may by chance.
 
     Without sightings from placed poses a tag is where a survey has it.
     """
     n, seen = _agreeing(points, start.T, p), np.bincount(points.tag, minlength=len(p))
     ever = np.bincount(votes.points.tag[start.placed[votes.points.pose]], minlength=len(p))
-    wrong = (seen - n >= MOSTLY * n) & (ever > n)
+    wrong = ((seen - n >= n) | (n < LEAST_AGREEING)) & (ever > n + 1)
     homeless: Mask = wrong & (_chance(n, ever - n, int(start.mapped.sum())) > CHANCE)
     return homeless
 
@@ -140,7 +139,8 @@ def _without_doubles(votes: Votes, start: Start, placed: Mask) -> Votes:
 def _nearest(p: Array, tags: Index) -> tuple[Index, Array]:
     """Of each of `tags` which other of them is nearest, and how far; (M,) each."""
     other, apart = np.arange(len(p)), np.full(len(p), np.inf)
-    distance, number = cKDTree(p[tags]).query(p[tags], 2)
+    found = cKDTree(p[tags]).query(p[tags], 2)
+    distance, number = np.asarray(found[0]), np.asarray(found[1])
     other[tags], apart[tags] = tags[number[:, 1]], distance[:, 1]
     return other, apart
 
@@ -151,5 +151,5 @@ def _at_any(points: Points, T: Array, p: Array) -> Mask:
     each = np.repeat(np.arange(k), r)
     pairs = replace(points.take(each), tag=np.tile(np.arange(r), k))
     square = pairs.distances(T[each], p).reshape(k, r)
-    found: Mask = (square <= AMPLE * robust.chi2_bound(p.shape[1])).any(axis=1)
+    found: Mask = np.any(square <= AMPLE * robust.chi2_bound(p.shape[1]), axis=1)
     return found

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from tagmap.conventions import Array, Index
+from tagmap.conventions import Array, Index, Mask
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.optimise import Optimum, Options, optimise
 from tagmap.estimation.points import Points, points_of
@@ -16,6 +16,7 @@ from tagmap.estimation.restrict import restrict, without_calibration, without_su
 from tagmap.estimation.revote import Votes, revoted
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import Start, start_from, start_with
+from tagmap.estimation.stretches import relaid
 from tagmap.estimation.twists import with_motion
 
 INLIER_WEIGHT = 0.5
@@ -69,15 +70,15 @@ def settle(stacked: Stacked, options: Options) -> Settled:
     start = start_from(stacked.problem, stacked.chain, points)
     calibration = stacked.problem.prior_mean
     unanchored: Settled | None = None
+    tried = np.zeros(stacked.problem.n_poses, dtype=bool)
     for count in itertools.count():
         settled = _optimised(stacked, start, calibration, options)
         left = _still_determined(settled, points)
         calibration = settled.optimum.state.calibration
         if len(calibration):
             votes = votes.at(points_of(stacked.problem, calibration))
-        better = revoted(votes, left or _reached(settled)) if count < MOST_VOTES else None
-        if better is not None:
-            votes, left = better
+        if count < MOST_VOTES:
+            votes, left = _better(settled, points, votes, left, tried)
         if left is None:
             break
         if start.anchored and not left.anchored:
@@ -94,6 +95,20 @@ def _with_motion_as_found(settled: Settled, options: Options) -> Settled:
     if problem is settled.problem:
         return settled
     return replace(settled, problem=problem, optimum=optimise(problem, state, options))
+
+
+def _better(
+    settled: Settled, points: Points, votes: Votes, left: Start | None, tried: Mask
+) -> tuple[Votes, Start | None]:
+    """Tags and stretches of poses moved to where they fit; `left` where all of them do."""
+    voted = revoted(votes, left or _reached(settled))
+    if voted is not None:
+        votes, left = voted
+    with np.errstate(invalid="ignore"):
+        accepted = settled.sighting_weights()[points.row] >= INLIER_WEIGHT
+    problem, chain = settled.stacked.problem, settled.stacked.chain
+    laid = relaid(problem, points, chain, left or _reached(settled), accepted, tried)
+    return votes, laid or left
 
 
 def _optimised(stacked: Stacked, start: Start, calibration: Array, options: Options) -> Settled:

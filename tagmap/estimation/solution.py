@@ -51,11 +51,41 @@ class CalibrationEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class RejectedSighting:
+    """chi2: squared error over its covariance; inf where the tag would be behind the camera."""
+
+    robot: str
+    session: str
+    seq: int
+    tag: str
+    chi2: float
+
+
+@dataclass(frozen=True, slots=True)
+class RejectedStep:
+    """The odometry of keyframe `seq`, which says how the robot came there from the one before."""
+
+    robot: str
+    session: str
+    seq: int
+    chi2: float
+
+
+@dataclass(frozen=True, slots=True)
+class Verdicts:
+    """All that is rejected, in order of sessions and seq; what is withheld is in neither."""
+
+    sightings: tuple[RejectedSighting, ...] = ()
+    steps: tuple[RejectedStep, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """A map and the poses that go with it, and how much they can be trusted.
 
     scale, stereo_scale: the scales that all sensors share, None where not an unknown; calibration:
-    these and every other unknown of the sensors. cost: the robust objective. inliers, rejected: sightings with a robust weight above or below one half.
+    these and every other unknown of the sensors. cost: the robust objective. inliers, rejected:
+    sightings with a robust weight above or below one half; verdicts: which factors are rejected.
     report: what is withheld or doubtful and what would mend it, one line each.
     """
 
@@ -73,3 +103,4 @@ class Solution:
     solve_s: float
     report: tuple[str, ...]
     calibration: tuple[CalibrationEstimate, ...] = ()
+    verdicts: Verdicts = Verdicts()

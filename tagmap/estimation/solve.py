@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.estimation.problem import lie
 from tagmap.estimation.optimise import Options
-from tagmap.estimation.problem import State
+from tagmap.estimation.problem import State, lie
 from tagmap.estimation.report import report
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled, settle
 from tagmap.estimation.solution import (
@@ -19,6 +18,7 @@ from tagmap.estimation.solution import (
 )
 from tagmap.estimation.stack import SessionData, SurveyedTag, stack
 from tagmap.estimation.unknowns import UnknownName
+from tagmap.estimation.verdicts import verdicts
 from tagmap.geometry.covariance import pack_upper
 from tagmap.records.tag import TagState
 
@@ -63,6 +63,7 @@ def _in_frame(settled: Settled) -> Solution:
         rejected=problem.n_sightings - inliers,
         solve_s=0.0,
         report=tuple(report(settled)),
+        verdicts=verdicts(settled),
         calibration=calibration,
     )
 

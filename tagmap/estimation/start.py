@@ -9,15 +9,17 @@ import numpy as np
 
 from tagmap.conventions import Array, Index, Kind, Mask
 from tagmap.estimation.growth import grow
-from tagmap.estimation.merge import MOST_BENT, LocalMap
+from tagmap.estimation.merge import MOST_BENT, LocalMap, align_maps, least_shared
 from tagmap.estimation.placing import Chain, Placed, component, determines_frame
 from tagmap.estimation.points import Points, TagFit, fit_tags, points_of
-from tagmap.estimation.problem import Problem
+from tagmap.estimation.problem import Problem, lie
 from tagmap.estimation.restrict import without_calibration, without_surveys
 
 LEAST_SIGMA_M = 0.01
 LEAST_AGREEING = 2
 LEAST_SHARE = 0.3
+PIECE = 30
+LEAST_SPARE = 2
 LEAST_SURVEYED = 3
 
 
@@ -48,7 +50,7 @@ def start_from(problem: Problem, chain: Index, points: Points) -> Start:
         _chain(points, poses, grow(robots, points, poses), problem.n_tags)
         for poses in _split(chain)
     ]
-    return _hanging_together(problem, points, chains)
+    return _with_pieces(problem, points, chains, _hanging_together(problem, points, chains))
 
 
 def start_at(problem: Problem, chain: Index, T: Array) -> Start:
@@ -109,9 +111,13 @@ def _sure(points: Points, T: Array, fit: TagFit) -> Mask:
 
 
 def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> Start:
+    members, anchored = component(problem.kind, chains, survey_map(problem))
+    return _with_tags(problem, points, *_poses(problem, members), anchored)
+
+
+def _with_tags(problem: Problem, points: Points, T: Array, placed: Mask, anchored: bool) -> Start:
+    """Tags where the placed poses see them, or a survey has them."""
     survey = survey_map(problem)
-    members, anchored = component(problem.kind, chains, survey)
-    T, placed = _poses(problem, members)
     fit = fit_tags(points.take(np.flatnonzero(placed[points.pose])), T, problem.n_tags)
     p, mapped = np.nan_to_num(fit.p), fit.determined
     if survey is not None and anchored:
@@ -119,6 +125,43 @@ def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> 
         p[survey.tags] = np.where(seen, p[survey.tags], survey.p)
         mapped[survey.tags] = True
     return Start(T, p, placed, mapped, anchored)
+
+
+def _with_pieces(problem: Problem, points: Points, chains: list[Chain], start: Start) -> Start:
+    """Chains that lie nowhere as a whole laid onto the map piece by piece: a slip bends a chain."""
+    tags = np.flatnonzero(start.mapped)
+    target = LocalMap(tags, start.p[tags], np.full(len(tags), LEAST_SIGMA_M))
+    T, placed = start.T.copy(), start.placed.copy()
+    for chain in chains:
+        if len(chain.poses) > PIECE and not placed[chain.poses[0]]:
+            found = _pieces(problem, points, chain, target)
+            if found is not None:
+                T[chain.poses], placed[chain.poses] = found, True
+    if (placed == start.placed).all():
+        return start
+    return _with_tags(problem, points, T, placed, start.anchored)
+
+
+def _pieces(problem: Problem, points: Points, chain: Chain, target: LocalMap) -> Array | None:
+    """Poses (n, D, D) of a chain most of whose pieces fit; between them odometry is followed."""
+    n, kind = len(chain.poses), problem.kind
+    T, known = chain.T.copy(), np.zeros(n, dtype=bool)
+    for begin in range(0, n, PIECE):
+        part = slice(begin, min(begin + PIECE, n))
+        local = _chain(points, chain.poses[part], chain.T[part], problem.n_tags).local
+        fit = align_maps(kind, local, target)
+        if fit is not None and fit.agreeing >= least_shared(kind) + LEAST_SPARE:
+            T[part], known[part] = fit.T @ chain.T[part], True
+    if 2 * known.sum() < n:
+        return None
+    steps = lie(kind).inverse(chain.T[:-1]) @ chain.T[1:]
+    first = int(np.argmax(known))
+    for i in range(first - 1, -1, -1):
+        T[i] = T[i + 1] @ lie(kind).inverse(steps[i])
+    for i in range(first + 1, n):
+        if not known[i]:
+            T[i] = T[i - 1] @ steps[i - 1]
+    return T
 
 
 def _poses(problem: Problem, members: list[Placed]) -> tuple[Array, Mask]:

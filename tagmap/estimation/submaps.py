@@ -123,7 +123,7 @@ def _advance(part: _Part, move: _Move) -> _Said:
 def _step(
     tags_only: Problem, said: list[_Said], weights: Weights
 ) -> tuple[tuple[Array, Array], float, bool]:
-    """What all parts together ask of tags and calibration, the cost now, and whether that is all."""
+    """What all parts ask of tags and calibration, the cost now, and whether that is all."""
     condensed = reduce(merged, [one.condensed for one in said])
     system = System(replace(tags_only, condensed=condensed))
     here = Values(np.zeros((0, 4, 4)), said[0].values.p, said[0].values.calibration)
@@ -156,8 +156,7 @@ def _submap(problem: Problem, poses: Index, weights: Weights) -> _Part:
     part = without_surveys(restrict(problem, poses, np.arange(problem.n_tags)))
     inside = np.isin(np.arange(problem.n_poses), poses)
     kept = tuple(
-        w[inside[block.pose]]
-        for block, w in zip(problem.sightings, weights.sightings, strict=True)
+        w[inside[block.pose]] for block, w in zip(problem.sightings, weights.sightings, strict=True)
     )
     steps = weights.odometry[inside[problem.odometry.first]]
     return _Part(replace(part, condensed=None), Weights(kept, steps, np.zeros(0)))

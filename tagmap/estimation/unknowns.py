@@ -14,7 +14,7 @@ Each has a Gaussian prior. What no measurement feels stays at its mean, with its
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
-from tagmap.conventions import Array, Form, Index, Kind
+from tagmap.conventions import Form, Kind
 
 UnknownName: TypeAlias = Literal[
     "range_scale",

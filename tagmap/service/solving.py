@@ -1,6 +1,7 @@
 """When the solver works, who waits for it, and how its result becomes a map version."""
 
 import time
+from dataclasses import asdict
 from typing import Any
 
 import msgspec
@@ -127,6 +128,7 @@ def _summarise(result: Solved, adoption: Adoption) -> dict[str, Any]:
         "rejected": solution.rejected,
         "scale": solution.scale,
         "stereo_scale": solution.stereo_scale,
+        "calibration": [asdict(unknown) for unknown in solution.calibration],
         "solve_s": solution.solve_s,
         "report": list(solution.report),
         "facts": msgspec.to_builtins(result.extent),

@@ -101,7 +101,8 @@ def condensed_residual(problem: Problem, state: State) -> Array:
     H[: 3 * m, 3 * m :] = condensed.across.reshape(3 * m, q)
     H[3 * m :, : 3 * m] = H[: 3 * m, 3 * m :].T
     H[3 * m :, 3 * m :] = condensed.corner
-    kept = np.concatenate([(3 * np.arange(m)[:, None] + np.arange(d)).ravel(), 3 * m + np.arange(q)])
+    coordinates = (3 * np.arange(m)[:, None] + np.arange(d)).ravel()
+    kept = np.concatenate([coordinates, 3 * m + np.arange(q)])
     g = np.concatenate([condensed.pull.ravel(), condensed.calibration_pull])[kept]
     x = np.concatenate(
         [(state.p - condensed.p[:, :d]).ravel(), state.calibration - condensed.calibration]

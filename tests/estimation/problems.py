@@ -41,9 +41,7 @@ FIRST: tuple[tuple[UnknownName, float], ...] = (
 def hidden_in(kind: Kind, values: tuple[tuple[UnknownName, float], ...] = FIRST) -> Hidden:
     """Without turns and offsets that a planar world does not have."""
     possible = {name for half in CAMERA[kind] for name in half}
-    return Hidden(
-        tuple((n, v) for n, v in values if n in possible or not n.startswith("camera"))
-    )
+    return Hidden(tuple((n, v) for n, v in values if n in possible or not n.startswith("camera")))
 
 
 def small(
@@ -95,8 +93,7 @@ def true_calibration(problem: Problem, hidden: Hidden, scale: float = 1.0) -> Ar
 def exact(problem: Problem, state: State) -> Problem:
     """The problem with every measurement replaced by what `state` predicts."""
     blocks = tuple(
-        replace(block, z=sighting_prediction(problem, block, state))
-        for block in problem.sightings
+        replace(block, z=sighting_prediction(problem, block, state)) for block in problem.sightings
     )
     group, first = lie(problem.kind), problem.odometry.first
     step = group.inverse(state.T[first]) @ state.T[first + 1]

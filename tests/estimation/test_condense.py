@@ -64,7 +64,7 @@ def test_covariances_are_those_of_everything(solved: tuple[Problem, Optimum, Arr
 def test_condensed_information_is_the_dense_schur_complement(
     solved: tuple[Problem, Optimum, Array],
 ) -> None:
-    problem, optimum, old = solved
+    problem, optimum, _ = solved
     left, _ = condense(problem, optimum, np.ones(problem.n_poses, dtype=bool))
     assert left.condensed is not None
     robots = without_surveys(problem)
@@ -73,7 +73,9 @@ def test_condensed_information_is_the_dense_schur_complement(
     H[split + problem.n_tags * problem.tag_dof :, split + problem.n_tags * problem.tag_dof :] -= (
         np.diag(problem.prior_sigma**-2.0)
     )
-    schur = H[split:, split:] - H[split:, :split] @ np.linalg.solve(H[:split, :split], H[:split, split:])
+    schur = H[split:, split:] - H[split:, :split] @ np.linalg.solve(
+        H[:split, :split], H[:split, split:]
+    )
     d, m = problem.tag_dof, problem.n_tags
     kept = (3 * np.arange(m)[:, None] + np.arange(d)).ravel()
     found = left.condensed.information.toarray()[np.ix_(kept, kept)]

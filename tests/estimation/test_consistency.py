@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Kind
-from tagmap.estimation.problem import lie
 from tagmap.estimation.optimise import Options
+from tagmap.estimation.problem import lie
 from tagmap.estimation.settle import settle
 from tagmap.estimation.stack import stack
 from tagmap.geometry.alignment import align

@@ -11,7 +11,7 @@ KINDS: tuple[Kind, ...] = ("planar", "spatial")
 
 
 def _judge(kind: Kind, seeds: range, swaps: bool) -> None:
-    """Mean tag error against that of the oracle, mean of the wrong kept, tags missing and broken."""
+    """Mean tag error against the oracle's, mean of the wrong kept, tags missing."""
     ratios, kept, missing, mapped = [], [], 0, 0
     for seed in seeds:
         case = mislabelled(kind, seed, swaps=swaps)

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as changed
 
-from tagmap.conventions import Form, Kind
+from tagmap.conventions import Array, Form, Kind
 from tagmap.estimation import elimination
 from tagmap.estimation import reduced as reduced_module
 from tagmap.estimation.covariance import Marginals
@@ -128,5 +127,5 @@ def test_optimum_and_covariances_are_the_dense_ones(
         _same(found, cov[block, block])
 
 
-def _same(found: np.ndarray, expected: np.ndarray) -> None:
+def _same(found: Array, expected: Array) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4 * np.abs(expected).max())

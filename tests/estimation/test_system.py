@@ -246,9 +246,7 @@ def test_what_nothing_measures_stays_where_it_is(kind: Kind) -> None:
     stacked, truth = small(kind, n=6)
     problem = stacked.problem
     lost = tuple((block.tag != 1) & (block.pose < 6) for block in problem.sightings)
-    weights = replace(
-        Weights.ones(problem), sightings=tuple(keep.astype(float) for keep in lost)
-    )
+    weights = replace(Weights.ones(problem), sightings=tuple(keep.astype(float) for keep in lost))
     system, point = _point(problem, _disturbed(problem, truth), weights)
     reduced = Reduced(system)
     assert reduced.prepare(point, 1e-6, True, None)

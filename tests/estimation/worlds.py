@@ -83,6 +83,9 @@ class Scale:
     sigma: float | None = None
 
 
+EXACT = CalibrationSigmas()
+
+
 @dataclass(frozen=True)
 class Hidden:
     """What a robot's sensors truly are, by the names of tagmap.estimation.unknowns."""
@@ -123,7 +126,7 @@ class Drive:
     range_scale: Scale = Scale()
     stereo_scale: Scale = Scale()
     hidden: Hidden = Hidden()
-    stated: CalibrationSigmas = CalibrationSigmas()
+    stated: CalibrationSigmas = EXACT
 
 
 @dataclass(frozen=True)

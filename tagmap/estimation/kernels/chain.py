@@ -148,9 +148,7 @@ def poses_of(linear: Linear, L: Array, D: Array, x: Array, c: Array, u: Array) -
 
 
 @compiled
-def scatter(
-    linear: Linear, x: Array, by_tag: float, u: Array, out: Array, out_c: Array
-) -> None:
+def scatter(linear: Linear, x: Array, by_tag: float, u: Array, out: Array, out_c: Array) -> None:
     """out (M, 3) += by_tag C x - B' u of the sightings, out_c (Q,) -= E' u of calibration."""
     seen, slots = linear.seen, linear.pose_calibration.shape[2]
     for i in range(len(u)):

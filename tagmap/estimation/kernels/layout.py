@@ -1,11 +1,11 @@
 """The joint problem as the kernels see it: plain arrays in tuples.
 
 Everything is in space. A planar problem lies in the plane z = 0 of it, with what leaves the plane
-pinned (see tagmap.estimation.engine): then one code path serves both.
+pinned (see tagmap.estimation.packing): then one code path serves both.
 
-Inside the solver a pose moves by (v, omega) along the axes of the map: t <- t + v, R <- exp(omega) R
-to first order. A point at q from the pose's origin then moves by v + omega x q, and a sighting
-needs no rotation any more once it is linearised.
+Inside the solver a pose moves by (v, omega) along the axes of the map: t <- t + v and
+R <- exp(omega) R to first order. A point at q from the pose's origin then moves by v + omega x q,
+and a sighting needs no rotation any more once it is linearised.
 """
 
 from typing import NamedTuple
@@ -19,9 +19,10 @@ class Sighted(NamedTuple):
     form, rig, mount, unknowns (K,): which form, which of the rigs (R, 30), which T_cam_base of
     (U, 4, 4), which row of the calibration unknowns; pose, tag (K,); z (K, 4);
     whiten (K, 10): lower triangle, row by row.
-    kinds, columns (u, q): what the calibration unknowns of one row are, and their places among those
-    of the problem, -1 behind the last; q is 0 where the problem has none. twist (K, 6): motion of
-    base per second, in its own axes; empty where no time offset is an unknown.
+    kinds, columns (u, q): what the calibration unknowns of one row are, and their places among
+    those of the problem, -1 behind the last; q is 0 where the problem has none.
+    twist (K, 6): motion of base per second, in its own axes; empty where no time offset is an
+    unknown.
     c2 (forms,): bound of the robust cost.
     """
 

@@ -82,7 +82,9 @@ def _cotangent(square: float) -> float:
 def _cotangent_slope(square: float) -> float:
     """Twice the derivative of `_cotangent` by its argument."""
     if square < 10.0 * _SMALL:
-        return 1.0 / 360.0 + square * (1.0 / 7560.0 + square * (1.0 / 201600.0 + square / 5987520.0))
+        return 1.0 / 360.0 + square * (
+            1.0 / 7560.0 + square * (1.0 / 201600.0 + square / 5987520.0)
+        )
     half = 0.5 * math.sqrt(square)
     sine = math.sin(half)
     return (half * math.cos(half) / sine + half * half / (sine * sine) - 2.0) / (square * square)

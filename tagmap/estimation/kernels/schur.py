@@ -161,13 +161,13 @@ def selected_inverse(indptr: Index, indices: Index, L: Array, d: Array, Z: Array
             sums[indices[x]] = 0.0
             marked[indices[x]] = x
         for x in range(begin + 1, end):
-            k, l = indices[x], L[x]
-            sums[k] += l * Z[indptr[k]]
+            k, factor = indices[x], L[x]
+            sums[k] += factor * Z[indptr[k]]
             for y in range(indptr[k] + 1, indptr[k + 1]):
                 i = indices[y]
                 at = marked[i]
                 if at >= begin and at < end:
-                    sums[i] += l * Z[y]
+                    sums[i] += factor * Z[y]
                     sums[k] += L[at] * Z[y]
         total = 1.0 / d[j]
         for x in range(begin + 1, end):

@@ -8,6 +8,7 @@ from tagmap.estimation.kernels.chain import invert
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.kernels.motion import position_of
 from tagmap.estimation.kernels.small import (
+    M,
     V,
     cross,
     full,
@@ -40,10 +41,7 @@ def cut(first: Index, slot_column: Index, sightings: int, poses: int, bounds: In
 
 @compiled
 def _differs(a: Index, b: Index) -> bool:
-    for s in range(len(a)):
-        if a[s] != b[s]:
-            return True
-    return False
+    return bool((a != b).any())
 
 
 @compiled
@@ -146,18 +144,18 @@ def eliminate(
             for k in range(linear.first[i], linear.first[i + 1]):
                 add_coupling(linear.seen, k, slots + local_of[linear.tag[k]] * 3, Y)
             if i > begin:
-                O = linear.following[i - 1]
+                link = linear.following[i - 1]
                 for a in range(6):
                     for b in range(6):
                         sum_ = 0.0
                         for e in range(6):
-                            sum_ += O[a, e] * D[e, b]
+                            sum_ += link[a, e] * D[e, b]
                         L[a, b] = sum_
                 for a in range(6):
                     for b in range(6):
                         sum_ = 0.0
                         for e in range(6):
-                            sum_ += L[a, e] * O[b, e]
+                            sum_ += L[a, e] * link[b, e]
                         S[a, b] -= sum_
                 carry(L, previous, used, Y)
             if not invert(S, D):
@@ -225,7 +223,7 @@ def add_coupling(seen: Array, k: int, at: int, Y: Array) -> None:
 
 
 @compiled
-def _block(A: Array, row: int, column: int) -> tuple[float, ...]:
+def _block(A: Array, row: int, column: int) -> M:
     return (
         A[row, column],
         A[row, column + 1],
@@ -293,9 +291,7 @@ def _without_calibration_after(linear: Linear, i: int, q: V, Y: Array) -> None:
 
 
 @compiled
-def _spread(
-    local: Array, slots: int, tags: Index, place: Index, at: int, blocks: Array
-) -> int:
+def _spread(local: Array, slots: int, tags: Index, place: Index, at: int, blocks: Array) -> int:
     """Subtract the lower triangle `local` of one segment from the sums over all."""
     for n in range(len(tags)):
         for j in range(n + 1):

@@ -96,17 +96,15 @@ def linearise_steps(steps: Steps, T: Array, weight: Array, r2: Array, linear: Li
     not change it, so its Hessian by pose i is that by i + 1, carried over the lever between them.
     weight, r2 (N - 1,): of each step.
     """
-    D, O, g6 = linear.diagonal, linear.following, linear.pose_gradient
+    D, off, g6 = linear.diagonal, linear.following, linear.pose_gradient
     cost = 0.0
     for i in range(len(T) - 1):
         if steps.has[i] == 0:
-            O[i, :, :] = 0.0
+            off[i, :, :] = 0.0
             continue
         R_i, R_j, R_m = rotation_of(T[i]), rotation_of(T[i + 1]), rotation_of(steps.T[i])
         q = subtract(position_of(T[i + 1]), position_of(T[i]))
-        t = transposed_times(
-            R_m, subtract(transposed_times(R_i, q), position_of(steps.T[i]))
-        )
+        t = transposed_times(R_m, subtract(transposed_times(R_i, q), position_of(steps.T[i])))
         R = product(transpose(R_m), product(transpose(R_i), R_j))
         v, w = logarithm(R, t)
         A, B = inverse_right_jacobian(v, w)
@@ -153,10 +151,10 @@ def linearise_steps(steps: Steps, T: Array, weight: Array, r2: Array, linear: Li
                 D[i + 1, a, 3 + b] += Kvw[n]
                 D[i + 1, 3 + a, b] += Kvw[m]
                 D[i + 1, 3 + a, 3 + b] += Kww[n]
-                O[i, a, b] = -Kvv[n]
-                O[i, a, 3 + b] = -Cvw[n]
-                O[i, 3 + a, b] = -Kvw[m]
-                O[i, 3 + a, 3 + b] = -Cww[n]
+                off[i, a, b] = -Kvv[n]
+                off[i, a, 3 + b] = -Cvw[n]
+                off[i, 3 + a, b] = -Kvw[m]
+                off[i, 3 + a, 3 + b] = -Cww[n]
                 D[i, a, b] += Kvv[n]
                 D[i, a, 3 + b] += Cvw[n]
                 D[i, 3 + a, b] += Cvw[m]

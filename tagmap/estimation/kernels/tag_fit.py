@@ -35,11 +35,11 @@ def to_map(pose: Index, p_base: Array, information: Array, T: Array, p: Array, I
         q = add(q, position_of(T[pose[k]]))
         J = information[k]
         W = full((J[0, 0], J[0, 1], J[0, 2], J[1, 1], J[1, 2], J[2, 2]))
-        W = upper(product(R, product(W, transpose(R))))
+        turned = upper(product(R, product(W, transpose(R))))
         for n in range(3):
             p[k, n] = q[n]
         for n in range(6):
-            I[k, n] = W[n]
+            I[k, n] = turned[n]
 
 
 @compiled
