@@ -1,4 +1,7 @@
-"""Draws the growth of time and memory: `fleet bench estimation --json | python docs/estimation_growth.py`."""
+"""Draws how time and memory grow.
+
+Use: `fleet bench estimation --json | python docs/estimation_growth.py`.
+"""
 
 import json
 import sys

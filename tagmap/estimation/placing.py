@@ -6,8 +6,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from tagmap.conventions import Array, Index, Kind
-from tagmap.estimation.problem import lie
 from tagmap.estimation.merge import Alignment, LocalMap, align_maps, least_shared
+from tagmap.estimation.problem import lie
 from tagmap.geometry.alignment import align
 
 

@@ -7,8 +7,7 @@ import numpy as np
 from tagmap.conventions import Array, Index, Kind, Mask
 from tagmap.estimation.kernels import tag_fit
 from tagmap.estimation.packing import poses_in_space
-from tagmap.estimation.problem import lie
-from tagmap.estimation.problem import Problem, Sightings
+from tagmap.estimation.problem import Problem, Sightings, lie
 from tagmap.estimation.unknowns import CAMERA, UnknownName
 from tagmap.geometry import camera, measurement, se2, se3
 

@@ -27,8 +27,8 @@ _SETTLED = 1e-4
 
 
 @compiled
-def to_map(pose: Index, p_base: Array, information: Array, T: Array, p: Array, I: Array) -> None:
-    """p (K, 3) and I (K, 6) in map of points p_base (K, 3) with information (K, 3, 3) in base."""
+def to_map(pose: Index, p_base: Array, information: Array, T: Array, p: Array, info: Array) -> None:
+    """p (K, 3), info (K, 6) in map of points p_base (K, 3), information (K, 3, 3) in base."""
     for k in range(len(pose)):
         R = rotation_of(T[pose[k]])
         q = times(R, (p_base[k, 0], p_base[k, 1], p_base[k, 2]))
@@ -39,7 +39,7 @@ def to_map(pose: Index, p_base: Array, information: Array, T: Array, p: Array, I
         for n in range(3):
             p[k, n] = q[n]
         for n in range(6):
-            I[k, n] = turned[n]
+            info[k, n] = turned[n]
 
 
 @compiled
@@ -70,24 +70,32 @@ def well_conditioned(W: S, d: int, least: float) -> bool:
 
 @compiled
 def fit(
-    start: Index, p: Array, I: Array, d: int, least: float, rounds: int, mean: Array, total: Array,
+    start: Index,
+    p: Array,
+    info: Array,
+    d: int,
+    least: float,
+    rounds: int,
+    mean: Array,
+    total: Array,
     n: Array,
 ) -> None:
     """mean (M, 3), total (M, 3, 3) information and n (M,) sum of weights of M tags.
 
-    Tag t has the points start[t]:start[t + 1] of p (K, 3), I (K, 6). Iteratively reweighted means
-    with a Cauchy loss, from where its points agree best. NaN and 0 where they do not determine it.
+    Tag t has the points start[t]:start[t + 1] of p (K, 3), info (K, 6). Iteratively reweighted
+    means     with a Cauchy loss, from where its points agree best. NaN and 0 where they do not
+    determine it.
     """
     for t in range(len(start) - 1):
         begin, end = start[t], start[t + 1]
-        own_p, own_I = p[begin:end], I[begin:end]
-        known, m = _voted(own_p, own_I, d, least)
+        own_p, own_info = p[begin:end], info[begin:end]
+        known, m = _voted(own_p, own_info, d, least)
         good = end > begin
         A = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         weight = 0.0
         for _ in range(rounds if good else 0):
             before = m
-            good, m, A, weight = _mean(own_p, own_I, d, least, known, m)
+            good, m, A, weight = _mean(own_p, own_info, d, least, known, m)
             shift = subtract(m, before)
             if not good or (known and dot(shift, symmetric_times(A, shift)) < _SETTLED):
                 break
@@ -107,12 +115,12 @@ def fit(
 
 @compiled
 def _mean(
-    p: Array, I: Array, d: int, least: float, known: bool, about: V
+    p: Array, info: Array, d: int, least: float, known: bool, about: V
 ) -> tuple[bool, V, S, float]:
-    """One reweighted mean of points p (k, 3), I (k, 6); its information and the sum of weights."""
+    """One reweighted mean of points p (k, 3), info (k, 6); its information, sum of weights."""
     A0 = A1 = A2 = A3 = A4 = A5 = b0 = b1 = b2 = sum_ = 0.0
     for k in range(len(p)):
-        W = I[k, 0], I[k, 1], I[k, 2], I[k, 3], I[k, 4], I[k, 5]
+        W = info[k, 0], info[k, 1], info[k, 2], info[k, 3], info[k, 4], info[k, 5]
         w = 1.0 / (1.0 + _square(p[k], W, about) / d) if known else 1.0
         y = symmetric_times(W, (p[k, 0], p[k, 1], p[k, 2]))
         A0, A1, A2 = A0 + w * W[0], A1 + w * W[1], A2 + w * W[2]
@@ -139,8 +147,8 @@ def _solved(A: S, b: V, d: int, least: float) -> tuple[bool, V]:
 
 
 @compiled
-def _voted(p: Array, I: Array, d: int, least: float) -> tuple[bool, V]:
-    """Where points p (k, 3), I (k, 6) agree best: at one of them, or where two rays cross.
+def _voted(p: Array, info: Array, d: int, least: float) -> tuple[bool, V]:
+    """Where points p (k, 3), info (k, 6) agree best: at one of them, or where two rays cross.
 
     By the sum of Cauchy losses, which a point that is far off from all the others adds to alike
     wherever the vote falls. Some of many points vote and are voted on, spread over all.
@@ -150,15 +158,15 @@ def _voted(p: Array, I: Array, d: int, least: float) -> tuple[bool, V]:
     stride = max(1, k // _VOTERS)
     for c in range(min(k, _CANDIDATES)):
         i = c * k // min(k, _CANDIDATES)
-        good, m = _crossing(p, I, i, i, d, least)
+        good, m = _crossing(p, info, i, i, d, least)
         if not good:
             j = (i + k // 2 + c) % k
-            good, m = _crossing(p, I, i, j, d, least)
+            good, m = _crossing(p, info, i, j, d, least)
         if not good:
             continue
         cost = 0.0
         for v in range(0, k, stride):
-            W = I[v, 0], I[v, 1], I[v, 2], I[v, 3], I[v, 4], I[v, 5]
+            W = info[v, 0], info[v, 1], info[v, 2], info[v, 3], info[v, 4], info[v, 5]
             cost += math.log1p(_square(p[v], W, m) / d)
             if cost >= best:
                 break
@@ -168,12 +176,12 @@ def _voted(p: Array, I: Array, d: int, least: float) -> tuple[bool, V]:
 
 
 @compiled
-def _crossing(p: Array, I: Array, i: int, j: int, d: int, least: float) -> tuple[bool, V]:
+def _crossing(p: Array, info: Array, i: int, j: int, d: int, least: float) -> tuple[bool, V]:
     """The mean of two points, or one."""
-    W = I[i, 0], I[i, 1], I[i, 2], I[i, 3], I[i, 4], I[i, 5]
+    W = info[i, 0], info[i, 1], info[i, 2], info[i, 3], info[i, 4], info[i, 5]
     if i == j:
         return well_conditioned(W, d, least), (p[i, 0], p[i, 1], p[i, 2])
-    U = I[j, 0], I[j, 1], I[j, 2], I[j, 3], I[j, 4], I[j, 5]
+    U = info[j, 0], info[j, 1], info[j, 2], info[j, 3], info[j, 4], info[j, 5]
     both = W[0] + U[0], W[1] + U[1], W[2] + U[2], W[3] + U[3], W[4] + U[4], W[5] + U[5]
     a = symmetric_times(W, (p[i, 0], p[i, 1], p[i, 2]))
     b = symmetric_times(U, (p[j, 0], p[j, 1], p[j, 2]))

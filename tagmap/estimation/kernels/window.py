@@ -43,7 +43,8 @@ class Window(NamedTuple):
 
     hold (6, 6): information on the first pose about T_hold (4, 4), along the axes of the map.
     pins (6,): see tagmap.estimation.packing. ones (max(K, n),); r2, weight, next_weight (K,);
-    step_r2, step_weight, next_step_weight (n - 1,); L, D (n, 6, 6); u (n, 6); before (n, 4, 4); work (6, 6).
+    step_r2, step_weight, next_step_weight (n - 1,); L, D (n, 6, 6); u (n, 6);
+    before (n, 4, 4); work (6, 6).
     """
 
     sighted: Sighted
@@ -185,15 +186,15 @@ def _linearise(
 
 
 @compiled
-def _discounted(W: S, g: V, square: float, I: Array) -> tuple[S, V, float]:
+def _discounted(W: S, g: V, square: float, known: Array) -> tuple[S, V, float]:
     """W, g and r2 of a sighting whose tag may move."""
     total = (
-        W[0] + I[0, 0],
-        W[1] + I[0, 1],
-        W[2] + I[0, 2],
-        W[3] + I[1, 1],
-        W[4] + I[1, 2],
-        W[5] + I[2, 2],
+        W[0] + known[0, 0],
+        W[1] + known[0, 1],
+        W[2] + known[0, 2],
+        W[3] + known[1, 1],
+        W[4] + known[1, 2],
+        W[5] + known[2, 2],
     )
     good, free = inverse(total)
     if not good:
@@ -255,11 +256,13 @@ def refit_tags(window: Window, T: Array, p: Array, information: Array, support: 
         if not own[0, 0] + own[1, 1] + own[2, 2] > 0.0:
             continue
         _limit_by_poses(window, t, own)
-        I = information[t]
+        known = information[t]
         for a in range(3):
             for b in range(3):
-                I[a, b] += own[a, b]
-        good, cov = inverse((I[0, 0], I[0, 1], I[0, 2], I[1, 1], I[1, 2], I[2, 2]))
+                known[a, b] += own[a, b]
+        good, cov = inverse(
+            (known[0, 0], known[0, 1], known[0, 2], known[1, 1], known[1, 2], known[2, 2])
+        )
         if good:
             g = linear.tag_gradient[t]
             step = symmetric_times(cov, (g[0], g[1], g[2]))
