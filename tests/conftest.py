@@ -6,11 +6,14 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tagmap.conventions import Kind
 from tagmap.link.router import RouterProcess
 
 PATIENCE_S = 20.0
+KINDS: tuple[Kind, ...] = ("planar", "spatial")
 BESIDE = Path(__file__).parents[2] / "shared" / "data"
 
 
@@ -67,3 +70,15 @@ def eventually() -> Callable[[Callable[[], object]], None]:
             time.sleep(0.01)
 
     return wait
+
+
+@pytest.fixture(scope="session")
+def compiled_solver() -> None:
+    """The solver's kernels on disk. Compiling them takes about as long as a command may take."""
+    from tagmap.estimation.solve import solve
+    from tests.estimation.worlds import Drive, hall, session
+
+    for kind in KINDS:
+        rng = np.random.default_rng(0)
+        world = hall(kind, rng)
+        assert solve([session(world, Drive(n=80), rng, 1)[0]], []).tags

@@ -87,7 +87,8 @@ class Client:
 
 
 @pytest.fixture
-def serve(tmp_path, endpoint) -> Iterator[Serve]:
+def serve(tmp_path, endpoint, request) -> Iterator[Serve]:
+    request.getfixturevalue("compiled_solver")
     serve = Serve(tmp_path, endpoint)
     yield serve
     if serve.process is not None and serve.process.poll() is None:
