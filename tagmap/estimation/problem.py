@@ -113,11 +113,6 @@ class Problem:
         return sum(map(len, self.sightings))
 
     @property
-    def n_border(self) -> int:
-        """Unknowns that are not poses: tags, then calibration."""
-        return self.n_tags * self.tag_dof + len(self.calibration)
-
-    @property
     def prior_mean(self) -> Array:
         """Of the calibration (Q,)."""
         return np.array([unknown.mean for unknown in self.calibration], dtype=float)

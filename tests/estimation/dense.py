@@ -11,6 +11,7 @@ from tagmap.conventions import Array
 from tagmap.estimation.problem import Problem, State, lie
 from tagmap.estimation.residuals import Weights
 from tagmap.estimation.system import Point, System
+from tagmap.geometry import so3
 from tests.estimation.factors import (
     condensed_residual,
     odometry_residual,
@@ -23,7 +24,8 @@ STEP = 1e-6
 
 
 def size(problem: Problem) -> int:
-    return problem.n_poses * problem.pose_dof + problem.n_border
+    border = problem.n_tags * problem.tag_dof + len(problem.calibration)
+    return problem.n_poses * problem.pose_dof + border
 
 
 def moved(problem: Problem, state: State, delta: Array) -> State:
@@ -89,7 +91,7 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
             W, at = np.zeros((3, 3)), tags[linear.tag[k]]
             W[np.triu_indices(3)] = linear.seen[k, :6]
             W = W + np.triu(W, 1).T
-            by_pose = np.vstack([-W, -se3_hat(linear.seen[k, 6:]) @ W])
+            by_pose = np.vstack([-W, -so3.hat(linear.seen[k, 6:]) @ W])
             H[rows, at : at + 3] += by_pose
             H[at : at + 3, rows] += by_pose.T
         for column, coupling in zip(
@@ -123,12 +125,6 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
         ]
     )
     return (to_map.T @ H @ to_map)[np.ix_(kept, kept)], (to_map.T @ g)[kept]
-
-
-def se3_hat(q: Array) -> Array:
-    """hat(q) @ x = q x x."""
-    x, y, z = q
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def gauss_newton(problem: Problem, state: State, weights: Weights, rounds: int = 10) -> State:
