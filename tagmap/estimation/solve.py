@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tagmap.conventions import Array
+from tagmap.conventions import Array, Kind
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import State, lie
 from tagmap.estimation.report import report
@@ -35,18 +35,28 @@ def solve(
     """
     began = clock()
     settled = settle(stack(sessions, surveys), options or Options())
-    solution = _in_frame(settled)
+    solution = named(settled, frame_of(settled))
     return replace(solution, solve_s=clock() - began)
 
 
-def _in_frame(settled: Settled) -> Solution:
-    """Move a floating map into the frame of its first placed pose, and name everything."""
+def frame_of(settled: Settled) -> Array:
+    """T_map_solved (D, D): a floating map goes into the frame of its first placed pose."""
+    if settled.start.anchored or not len(settled.poses):
+        return np.eye(settled.problem.tag_dof + 1)
+    T_map_solved: Array = lie(settled.problem.kind).inverse(settled.optimum.state.T[0])
+    return T_map_solved
+
+
+def moved(kind: Kind, state: State, T_map_solved: Array) -> State:
+    """All poses and tags, as one rigid body."""
+    p = lie(kind).act(T_map_solved, state.p)
+    return replace(state, T=T_map_solved @ state.T, p=p)
+
+
+def named(settled: Settled, T_map_solved: Array) -> Solution:
+    """Everything by its name, moved into that frame."""
     problem, optimum = settled.problem, settled.optimum
-    state = optimum.state
-    T_map_solved = np.eye(problem.tag_dof + 1)
-    if not settled.start.anchored and len(settled.poses):
-        T_map_solved = lie(problem.kind).inverse(state.T[0])
-    state = replace(state, T=T_map_solved @ state.T, p=lie(problem.kind).act(T_map_solved, state.p))
+    state = moved(problem.kind, optimum.state, T_map_solved)
     inliers = int(settled.support.sum())
     calibration = _calibration(settled)
     return Solution(

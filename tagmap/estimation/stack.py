@@ -76,7 +76,7 @@ def stack(sessions: Sequence[SessionData], surveys: Sequence[SurveyedTag]) -> St
         n_tags=len(tags),
         odometry=odometry,
         sightings=_sightings(kind, hellos, frames, tags, stated),
-        surveyed=_surveyed(kind, surveys, tags),
+        surveyed=surveyed_among(kind, surveys, tags),
         calibration=stated.unknowns,
     )
     t_ns = np.array([frame.t_ns for frame in flat], dtype=np.int64)
@@ -176,7 +176,8 @@ def _block(
     )
 
 
-def _surveyed(kind: Kind, surveys: Sequence[SurveyedTag], tags: Sequence[str]) -> Surveyed:
+def surveyed_among(kind: Kind, surveys: Sequence[SurveyedTag], tags: Sequence[str]) -> Surveyed:
+    """With the numbers that the tags have in `tags`."""
     d = TAG_DOF[kind]
     number_of = {tag: i for i, tag in enumerate(tags)}
     # No survey is that good; its information must stay finite.

@@ -47,7 +47,7 @@ def start_from(problem: Problem, chain: Index, points: Points) -> Start:
     """The same; `points` are those of all its sightings."""
     robots = without_surveys(without_calibration(problem))
     chains = [
-        _chain(points, poses, grow(robots, points, poses), problem.n_tags)
+        chain_of(points, poses, grow(robots, points, poses), problem.n_tags)
         for poses in _split(chain)
     ]
     return _with_pieces(problem, points, chains, _hanging_together(problem, points, chains))
@@ -60,7 +60,7 @@ def start_at(problem: Problem, chain: Index, T: Array) -> Start:
 
 def start_with(problem: Problem, chain: Index, T: Array, points: Points) -> Start:
     """The same; `points` are those of its sightings that are to be believed."""
-    chains = [_chain(points, poses, T[poses], problem.n_tags) for poses in _split(chain)]
+    chains = [chain_of(points, poses, T[poses], problem.n_tags) for poses in _split(chain)]
     return _hanging_together(problem, points, chains)
 
 
@@ -81,7 +81,8 @@ def _split(chain: Index) -> list[Index]:
     return np.split(np.arange(len(chain)), np.flatnonzero(np.diff(chain)) + 1)
 
 
-def _chain(points: Points, poses: Index, T: Array, n_tags: int) -> Chain:
+def chain_of(points: Points, poses: Index, T: Array, n_tags: int) -> Chain:
+    """A chain at T (n, D, D) of its own frame, and where that puts the tags it sees."""
     own = points.of_poses(poses[0], poses[-1])
     fit = fit_tags(own, T, n_tags)
     tags = np.flatnonzero(fit.determined)
@@ -148,7 +149,7 @@ def _pieces(problem: Problem, points: Points, chain: Chain, target: LocalMap) ->
     T, known = chain.T.copy(), np.zeros(n, dtype=bool)
     for begin in range(0, n, PIECE):
         part = slice(begin, min(begin + PIECE, n))
-        local = _chain(points, chain.poses[part], chain.T[part], problem.n_tags).local
+        local = chain_of(points, chain.poses[part], chain.T[part], problem.n_tags).local
         fit = align_maps(kind, local, target)
         if fit is not None and fit.agreeing >= least_shared(kind) + LEAST_SPARE:
             T[part], known[part] = fit.T @ chain.T[part], True
