@@ -20,6 +20,7 @@ FACTS = {"tagmap", "tagmap.conventions", "tagmap.errors"}
 MAY_IMPORT: dict[str, set[str]] = {
     "geometry": set(),
     "records": {"geometry"},
+    "memory": {"records"},
     "localisation": {"geometry", "records"},
     "estimation": {"geometry", "records"},
     "mapping": {"geometry", "records", "localisation", "estimation"},
@@ -37,7 +38,13 @@ ONLY_IN = {
     "sqlite_utils": ("tagmap/store/", "fleet/benchmarks/store_peer.py"),
 }
 
-PURE = ("tagmap/geometry/", "tagmap/localisation/", "tagmap/estimation/", "tagmap/mapping/")
+PURE = (
+    "tagmap/geometry/",
+    "tagmap/localisation/",
+    "tagmap/estimation/",
+    "tagmap/mapping/",
+    "tagmap/memory/",
+)
 PURE_FILES = ("tagmap/mapper.py", "robot_agent/agent.py")
 """Decision logic: time, randomness and bytes are arguments."""
 IMPURE = {"logging", "structlog", "socket", "subprocess", "threading", "time", "random", "click"}
