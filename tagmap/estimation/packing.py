@@ -142,13 +142,13 @@ def _sighted(problem: Problem, order: Index) -> Sighted:
     return Sighted(
         form=np.array(forms, dtype=np.int64)[each],
         rig=each,
-        rigs=np.array([_rig(block.rig) for block in blocks]).reshape(-1, RIG_SIZE),
+        rigs=np.array([rig_numbers(block.rig) for block in blocks]).reshape(-1, RIG_SIZE),
         pose=_joined([block.pose for block in blocks])[order],
         tag=_joined([block.tag for block in blocks])[order],
         mount=mount[order],
         T_cam_base=mounts,
         z=np.concatenate([*z, np.zeros((0, 4))])[order],
-        whiten=np.concatenate([*(_lower(b.whiten) for b in blocks), np.zeros((0, 10))])[order],
+        whiten=np.concatenate([*(lower(b.whiten) for b in blocks), np.zeros((0, 10))])[order],
         unknowns=each,
         kinds=kinds,
         columns=columns,
@@ -213,7 +213,7 @@ def _form(kind: Kind, form: Form) -> int:
 
 
 def _mounts(blocks: Sequence[Sightings]) -> tuple[Array, Index]:
-    """The T_cam_base that occur, (U, 4, 4), and which of them each sighting has."""
+    """The T_cam_base one after the other, (U, 4, 4), and which of them each sighting has."""
     mounts, numbers, n = [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)], 0
     for block in blocks:
         own, number = _distinct(block.T_cam_base)
@@ -223,24 +223,24 @@ def _mounts(blocks: Sequence[Sightings]) -> tuple[Array, Index]:
     return np.concatenate(mounts), np.concatenate(numbers)
 
 
-def _lower(whiten: Array) -> Array:
+def lower(whiten: Array) -> Array:
     """(K, c, c) lower triangular to (K, 10), as of 4 x 4."""
     c = whiten.shape[-1]
     inside = (c > _ROWS) & (c > _COLUMNS)
-    lower = np.zeros((len(whiten), 10))
-    lower[:, inside] = whiten[:, _ROWS[inside], _COLUMNS[inside]]
-    return lower
+    triangles = np.zeros((len(whiten), 10))
+    triangles[:, inside] = whiten[:, _ROWS[inside], _COLUMNS[inside]]
+    return triangles
 
 
 def _distinct(T: Array) -> tuple[Array, Index]:
-    """The matrices that occur, and which of them each is."""
-    if (T[:1] == T).all():
-        return T[:1].copy(), np.zeros(len(T), dtype=np.int64)
-    flat, index = np.unique(T.reshape(len(T), -1), axis=0, return_inverse=True)
-    return flat.reshape(-1, *T.shape[1:]), index.ravel().astype(np.int64)
+    """The matrices as they follow each other, equal neighbours once; which of them each is."""
+    changes = np.ones(len(T), dtype=bool)
+    changes[1:] = (T[1:] != T[:-1]).any(axis=(1, 2))
+    return T[changes], np.cumsum(changes) - 1
 
 
-def _rig(rig: StereoRig | None) -> Array:
+def rig_numbers(rig: StereoRig | None) -> Array:
+    """(30,): see tagmap.estimation.kernels.forms."""
     numbers = np.zeros(RIG_SIZE)
     if rig is not None:
         numbers[:9], numbers[9:18] = _camera(rig.left), _camera(rig.right)

@@ -6,7 +6,8 @@ import numpy as np
 
 from tagmap.conventions import Array, Index, Kind, Mask
 from tagmap.estimation.kernels import tag_fit
-from tagmap.estimation.packing import poses_in_space
+from tagmap.estimation.kernels.stereo_points import triangulate
+from tagmap.estimation.packing import lower, poses_in_space, rig_numbers
 from tagmap.estimation.problem import Problem, Sightings, lie
 from tagmap.estimation.unknowns import CAMERA, UnknownName
 from tagmap.geometry import camera, measurement, se2, se3
@@ -88,13 +89,7 @@ def points_of(problem: Problem, calibration: Array | None = None) -> Points:
 def _points_of_block(
     problem: Problem, block: Sightings, sensor: dict[UnknownName, float]
 ) -> Points:
-    L = np.asarray(np.linalg.inv(block.whiten), dtype=np.float64)
-    cov = L @ np.swapaxes(L, -1, -2)
-    z = block.z.copy()
-    if block.form == "stereo_px":
-        z[:, 2] += sensor.get("disparity_px", 0.0)
-    given = measurement.to_point(block.form, problem.kind, z, cov, block.rig)
-    p_cam, information = _directions(block) if given is None else _informed(*given)
+    p_cam, information = _in_camera(problem.kind, block, sensor)
     d = problem.tag_dof
     T_base_cam = _mounts(problem.kind, block, sensor)
     R = T_base_cam[:, :d, :d]
@@ -104,6 +99,23 @@ def _points_of_block(
     good = np.isfinite(p_base.sum(axis=1) + information.sum(axis=(1, 2)))
     every = np.arange(len(block))
     return Points(block.pose, block.tag, p_base, information, every).take(np.flatnonzero(good))
+
+
+def _in_camera(
+    kind: Kind, block: Sightings, sensor: dict[UnknownName, float]
+) -> tuple[Array, Array]:
+    """Points (K, d) in cam and their information (K, d, d)."""
+    if block.form == "stereo_px":
+        z = block.z.copy()
+        z[:, 2] += sensor.get("disparity_px", 0.0)
+        rig, k = rig_numbers(block.rig), len(z)
+        p_cam, information = np.empty((k, 3)), np.empty((k, 3, 3))
+        triangulate(rig, z, lower(block.whiten), LEAST_DETERMINANT, p_cam, information)
+        return p_cam, information
+    L = np.asarray(np.linalg.inv(block.whiten), dtype=np.float64)
+    cov = L @ np.swapaxes(L, -1, -2)
+    given = measurement.to_point(block.form, kind, block.z, cov, block.rig)
+    return _directions(block) if given is None else _informed(*given)
 
 
 def _mounts(kind: Kind, block: Sightings, sensor: dict[UnknownName, float]) -> Array:

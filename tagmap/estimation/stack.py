@@ -1,15 +1,16 @@
 """Records to stacked arrays: the one function that turns sessions into the joint problem."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence, Sized
+from dataclasses import dataclass
+from itertools import chain
+from operator import attrgetter
 
 import numpy as np
 
-from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
+from tagmap.conventions import POSE_DOF, TAG_DOF, Index, Kind
 from tagmap.estimation.problem import Odometry, Problem, Sightings, Surveyed, lie, whitening
 from tagmap.estimation.stated import Stated
 from tagmap.estimation.twists import with_motion
-from tagmap.estimation.unknowns import OF_FORM
 from tagmap.geometry.covariance import unpack_upper
 from tagmap.records import Hello, Keyframe, Sighting
 from tagmap.records import arrays as convert
@@ -57,35 +58,29 @@ class Stacked:
 def stack(sessions: Sequence[SessionData], surveys: Sequence[SurveyedTag]) -> Stacked:
     """Order of sessions and keyframes on input does not matter; all must be of one kind."""
     ordered = sorted((s for s in sessions if s.keyframes), key=_start_of)
-    frames = [sorted(s.keyframes, key=lambda frame: frame.seq) for s in ordered]
     kind: Kind = ordered[0].hello.kind if ordered else "spatial"
-    tags = sorted(
-        {sight.tag for session in frames for frame in session for sight in frame.sightings}
-        | {survey.tag for survey in surveys}
-    )
-    hellos = [s.hello for s in ordered]
-    stated = Stated.by(kind, hellos)
-    odometry = _odometry(kind, hellos, frames, stated)
-    bounds = np.cumsum([0, *map(len, frames)])
-    flat = [frame for session in frames for frame in session]
-    breaks = np.ones(len(flat), dtype=np.int64)
+    facts = _Facts.of(ordered)
+    stated = Stated.by(kind, facts.hellos)
+    tags = sorted({sight.tag for sight in facts.sightings} | {survey.tag for survey in surveys})
+    odometry = _odometry(kind, facts, stated)
+    breaks = np.ones(len(facts.frames), dtype=np.int64)
     breaks[odometry.first + 1] = 0
     problem = Problem(
         kind=kind,
-        n_poses=len(flat),
+        n_poses=len(facts.frames),
         n_tags=len(tags),
         odometry=odometry,
-        sightings=_sightings(kind, hellos, frames, tags, stated),
+        sightings=_sightings(kind, facts, tags, stated),
         surveyed=surveyed_among(kind, surveys, tags),
         calibration=stated.unknowns,
     )
-    t_ns = np.array([frame.t_ns for frame in flat], dtype=np.int64)
+    t_ns = np.array([frame.t_ns for frame in facts.frames], dtype=np.int64)
     return Stacked(
         problem=with_motion(problem, t_ns),
         tags=tuple(tags),
-        sessions=tuple(hellos),
-        bounds=bounds,
-        seq=np.array([frame.seq for frame in flat], dtype=np.int64),
+        sessions=tuple(facts.hellos),
+        bounds=np.searchsorted(facts.session, np.arange(len(ordered) + 1)),
+        seq=facts.seq,
         t_ns=t_ns,
         chain=np.cumsum(breaks) - 1,
     )
@@ -97,83 +92,94 @@ def _start_of(session: SessionData) -> tuple[int, str, str]:
     return start, session.hello.robot, session.hello.session
 
 
-def _odometry(
-    kind: Kind, hellos: Sequence[Hello], frames: list[list[Keyframe]], stated: Stated
-) -> Odometry:
+@dataclass(frozen=True, slots=True)
+class _Facts:
+    """All keyframes in order and all that they saw, one after the other.
+
+    session, seq (N,): of each keyframe; pose (K,): the number of the keyframe of each sighting.
+    """
+
+    hellos: list[Hello]
+    frames: list[Keyframe]
+    session: Index
+    seq: Index
+    sightings: list[Sighting]
+    pose: Index
+
+    @classmethod
+    def of(cls, ordered: Sequence[SessionData]) -> "_Facts":
+        parts = [sorted(s.keyframes, key=attrgetter("seq")) for s in ordered]
+        frames = list(chain.from_iterable(parts))
+        seen = list(map(attrgetter("sightings"), frames))
+        return cls(
+            hellos=[s.hello for s in ordered],
+            frames=frames,
+            session=np.repeat(np.arange(len(parts)), _sizes(parts)),
+            seq=np.array([frame.seq for frame in frames], dtype=np.int64),
+            sightings=list(chain.from_iterable(seen)),
+            pose=np.repeat(np.arange(len(frames)), _sizes(seen)),
+        )
+
+
+def _sizes(parts: Sequence[Sized]) -> Index:
+    return np.array(list(map(len, parts)), dtype=np.int64)
+
+
+def _odometry(kind: Kind, facts: _Facts, stated: Stated) -> Odometry:
     """A step counts where its keyframe follows the one with the seq before."""
-    first, steps, covs, unknowns = [], [], [], []
-    number = -1
-    for hello, session in zip(hellos, frames, strict=True):
-        own = stated.of_steps(kind, hello)
-        for before, frame in zip([None, *session], session, strict=False):
-            number += 1
-            if frame.odom is None or before is None or frame.seq != before.seq + 1:
-                continue
-            first.append(number - 1)
-            steps.append(frame.odom.T_prev_cur)
-            covs.append(frame.odom.cov)
-            unknowns.append(own)
+    follows = (np.diff(facts.seq) == 1) & (np.diff(facts.session) == 0)
+    steps = [facts.frames[i + 1].odom for i in np.flatnonzero(follows).tolist()]
+    first = np.flatnonzero(follows)[[step is not None for step in steps]]
+    found = [step for step in steps if step is not None]
+    own = [stated.of_steps(kind, hello) for hello in facts.hellos]
+    unknowns = np.array(own, dtype=np.int64).reshape(-1, 2)[facts.session[first]]
     dof = POSE_DOF[kind]
-    places = np.array(unknowns, dtype=np.int64).reshape(-1, 2)
-    upper = np.array(covs, dtype=float).reshape(-1, dof * (dof + 1) // 2)
+    upper = convert.rows([step.cov for step in found]) if found else np.zeros((0, dof))
     return Odometry(
-        first=np.array(first, dtype=np.int64),
-        T=convert.matrices(kind, steps),
-        whiten=whitening(unpack_upper(upper, dof)),
-        unknowns=places if (places >= 0).any() else None,
+        first=first,
+        T=convert.matrices(kind, [step.T_prev_cur for step in found]),
+        whiten=whitening(unpack_upper(upper, dof)) if found else np.zeros((0, dof, dof)),
+        unknowns=unknowns if (unknowns >= 0).any() else None,
     )
 
 
 def _sightings(
-    kind: Kind,
-    hellos: Sequence[Hello],
-    frames: list[list[Keyframe]],
-    tags: Sequence[str],
-    stated: Stated,
+    kind: Kind, facts: _Facts, tags: Sequence[str], stated: Stated
 ) -> tuple[Sightings, ...]:
     """One block per form, rig and set of unknowns."""
     number_of = {tag: i for i, tag in enumerate(tags)}
-    T_base_cam = convert.matrices(kind, [frame.T_base_cam for part in frames for frame in part])
+    tag = np.array([number_of[sighting.tag] for sighting in facts.sightings], dtype=np.int64)
+    T_base_cam = convert.matrices(kind, [frame.T_base_cam for frame in facts.frames])
     T_cam_base = lie(kind).inverse(T_base_cam)
-    rigs: dict[RigCalibration | None, int] = {None: 0}
-    groups: dict[tuple[Form, int, tuple[int, ...]], list[tuple[int, Sighting]]] = {}
-    pose = -1
-    for hello, keyframes in zip(hellos, frames, strict=True):
-        rig = rigs.setdefault(hello.rig, len(rigs))
-        unknowns = {form: stated.of_sightings(kind, hello, form) for form in OF_FORM}
-        for frame in keyframes:
-            pose += 1
-            for sighting in frame.sightings:
-                form = sighting.z.form
-                key = (form, rig if form in RIG_FORMS else 0, unknowns[form])
-                groups.setdefault(key, []).append((pose, sighting))
-    calibrations = list(rigs)
     blocks = []
-    for (form, rig, own), members in sorted(groups.items(), key=lambda item: item[0]):
-        block = _block(form, calibrations[rig], members, number_of, T_cam_base)
-        blocks.append(replace(block, unknowns=own))
+    for part in convert.measurement_blocks([sighting.z for sighting in facts.sightings]):
+        pose, whiten = facts.pose[part.index], whitening(part.cov)
+        for (rig, unknowns), sessions in _alike(kind, part.form, facts.hellos, stated).items():
+            own = np.flatnonzero(np.isin(facts.session[pose], sessions))
+            if len(own):
+                block = Sightings(
+                    form=part.form,
+                    rig=None if rig is None else convert.stereo_rig(rig),
+                    pose=pose[own],
+                    tag=tag[part.index[own]],
+                    z=part.z[own],
+                    whiten=whiten[own],
+                    T_cam_base=T_cam_base[pose[own]],
+                    unknowns=unknowns,
+                )
+                blocks.append(block)
     return tuple(blocks)
 
 
-def _block(
-    form: Form,
-    rig: RigCalibration | None,
-    members: list[tuple[int, Sighting]],
-    number_of: dict[str, int],
-    T_cam_base: Array,
-) -> Sightings:
-    z = np.array([sighting.z.values for _, sighting in members], dtype=float)
-    cov = np.array([sighting.z.cov for _, sighting in members], dtype=float)
-    pose = np.array([pose for pose, _ in members], dtype=np.int64)
-    return Sightings(
-        form=form,
-        rig=None if rig is None else convert.stereo_rig(rig),
-        pose=pose,
-        tag=np.array([number_of[sighting.tag] for _, sighting in members], dtype=np.int64),
-        z=z,
-        whiten=whitening(unpack_upper(cov, z.shape[1])),
-        T_cam_base=T_cam_base[pose],
-    )
+def _alike(
+    kind: Kind, form: Form, hellos: Sequence[Hello], stated: Stated
+) -> dict[tuple[RigCalibration | None, tuple[int, ...]], list[int]]:
+    """Sessions whose sightings of that form may share a block."""
+    found: dict[tuple[RigCalibration | None, tuple[int, ...]], list[int]] = {}
+    for number, hello in enumerate(hellos):
+        rig = hello.rig if form in RIG_FORMS else None
+        found.setdefault((rig, stated.of_sightings(kind, hello, form)), []).append(number)
+    return found
 
 
 def surveyed_among(kind: Kind, surveys: Sequence[SurveyedTag], tags: Sequence[str]) -> Surveyed:

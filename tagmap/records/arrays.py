@@ -3,8 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
+from operator import attrgetter
 
 import numpy as np
+from msgspec import UNSET
 
 from tagmap.conventions import TAG_DOF, Array, Form, Index, Kind
 from tagmap.geometry import se2, se3
@@ -15,6 +18,13 @@ from tagmap.records.base import Vector
 from tagmap.records.keyframe import Measurement
 from tagmap.records.rig import CameraCalibration, RigCalibration
 from tagmap.records.transform import Transform
+
+_FIELDS: dict[Form, tuple[str, ...]] = {
+    "stereo_px": ("stereo_px",),
+    "mono_px": ("mono_px",),
+    "point_cam_m": ("point_cam_m",),
+    "range_bearing": ("range_m", "bearing_rad"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +49,11 @@ def matrix(transform: Transform) -> Array:
 def matrices(kind: Kind, transforms: Sequence[Transform]) -> Array:
     """(N, 4, 4) of spatial, (N, 3, 3) of planar transforms."""
     d = TAG_DOF[kind]
-    p = np.array([transform.p_m for transform in transforms]).reshape(-1, d)
+    if not transforms:
+        return np.zeros((0, d + 1, d + 1))
+    p = rows([transform.p_m for transform in transforms])
     if kind == "spatial":
-        q_wxyz = [transform.q_wxyz for transform in transforms]
-        return se3.from_p_q(p, np.array(q_wxyz, dtype=np.float64).reshape(-1, 4))
+        return se3.from_p_q(p, rows([t.q_wxyz for t in transforms if isinstance(t.q_wxyz, tuple)]))
     return se2.from_p_theta(p, np.array([transform.theta_rad for transform in transforms], float))
 
 
@@ -94,13 +105,27 @@ def stereo_rig(calibration: RigCalibration) -> StereoRig:
 
 def measurement_blocks(measurements: Sequence[Measurement]) -> list[MeasurementBlock]:
     """Stack measurements of one problem kind, one block per form that occurs."""
-    members: dict[Form, list[int]] = {}
-    for i, z in enumerate(measurements):
-        members.setdefault(z.form, []).append(i)
-    return [_block(form, index, measurements) for form, index in members.items()]
+    blocks = []
+    for form, fields in _FIELDS.items():
+        first = list(map(attrgetter(fields[0]), measurements))
+        index = [i for i, value in enumerate(first) if value is not UNSET]
+        if index:
+            members = [measurements[i] for i in index]
+            blocks.append(_block(form, np.array(index), members))
+    return blocks
 
 
-def _block(form: Form, index: list[int], measurements: Sequence[Measurement]) -> MeasurementBlock:
-    z = np.array([measurements[i].values for i in index])
-    packed = np.array([measurements[i].cov for i in index])
-    return MeasurementBlock(form, np.array(index), z, unpack_upper(packed, z.shape[1]))
+def _block(form: Form, index: Index, members: Sequence[Measurement]) -> MeasurementBlock:
+    fields = _FIELDS[form]
+    if len(fields) == 1:
+        z = rows([getattr(member, fields[0]) for member in members])
+    else:
+        z = np.array([[getattr(member, name) for member in members] for name in fields]).T
+    cov = rows([member.cov for member in members])
+    return MeasurementBlock(form, index, z, unpack_upper(cov, z.shape[1]))
+
+
+def rows(vectors: Sequence[Vector]) -> Array:
+    """(N, n) of one or more vectors of n numbers."""
+    values = np.fromiter(chain.from_iterable(vectors), float)
+    return values.reshape(len(vectors), -1)
