@@ -21,6 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "geometry": set(),
     "records": {"geometry"},
     "memory": {"records"},
+    "arbitration": set(),
     "localisation": {"geometry", "records"},
     "estimation": {"geometry", "records"},
     "mapping": {"geometry", "records", "localisation", "estimation"},
@@ -44,6 +45,7 @@ PURE = (
     "tagmap/estimation/",
     "tagmap/mapping/",
     "tagmap/memory/",
+    "tagmap/arbitration/",
 )
 PURE_FILES = ("tagmap/mapper.py", "robot_agent/agent.py")
 """Decision logic: time, randomness and bytes are arguments."""

@@ -1,0 +1,1 @@
+"""Who may shoot: leases from the service, and what a robot does without it. No I/O, no clock."""
