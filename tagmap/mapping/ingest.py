@@ -8,6 +8,7 @@ a valid one in its place is still stored: a spoilt copy never costs the original
 
 import re
 
+from tagmap.arbitration.grants import Grants
 from tagmap.conventions import NAME, SESSION_ID, Kind
 from tagmap.errors import RecordRefused
 from tagmap.mapping.draft import Arrival, Draft, Refused
@@ -23,7 +24,10 @@ MAX_REASON = 300
 
 
 class Ingest:
-    """Everything settled at a site, by robot and session."""
+    """Everything settled at a site, by robot and session.
+
+    `grants`: whose lease was when; None where nobody grants any, and their numbers say nothing.
+    """
 
     def __init__(self, site: str) -> None:
         self.site = site
@@ -31,6 +35,7 @@ class Ingest:
         self.robots: dict[str, RobotLedger] = {}
         self.holders: dict[int, str] = {}
         self.stray = 0
+        self.grants: Grants | None = None
 
     def take(self, arrival: Arrival, draft: Draft) -> None:
         """Judge one message and write the verdict into `draft`."""
@@ -97,6 +102,7 @@ class Ingest:
             self._count_duplicate(ledger, index, keyframe.seq, contradiction, draft)
         else:
             _check_session(index, keyframe)
+            self._check_leases(ledger.robot, keyframe)
             index.store(keyframe)
             ledger.counters.stored += 1
             draft.accept(keyframe)
@@ -115,6 +121,16 @@ class Ingest:
             raise RecordRefused(f"number {hello.number} belongs to robot {holder}")
         if ledger.number is not None and ledger.number != hello.number:
             raise RecordRefused(f"number {hello.number}, this robot has number {ledger.number}")
+
+    def _check_leases(self, robot: str, keyframe: Keyframe) -> None:
+        """What was lit without a lease in force may have been another robot's tag."""
+        if self.grants is None:
+            return
+        for i, sighting in enumerate(keyframe.sightings):
+            if sighting.id_by == "laser" and sighting.lease is not None:
+                reason = self.grants.objection(robot, sighting.lease, keyframe.t_ns)
+                if reason is not None:
+                    raise RecordRefused(f"sightings[{i}]: {reason}")
 
     def _judge_early(self, ledger: RobotLedger, index: SessionIndex, draft: Draft) -> None:
         """Keyframes that came before their hello are stored already; it may disallow some."""

@@ -15,6 +15,7 @@ from tagmap.mapping.selection import expect, parse, whole
 from tagmap.records import (
     AdminReply,
     AdminRequest,
+    LeaseRequest,
     LocalizeRequest,
     Tag,
     decode,
@@ -23,6 +24,7 @@ from tagmap.records import (
 from tagmap.records.base import Message
 from tagmap.service.admin import HANDLERS, Args
 from tagmap.service.archive import Archive, Lookup
+from tagmap.service.leasing import Leasing
 from tagmap.service.wildcards import covers, is_exact
 from tagmap.store import PoseRow, SiteStore
 
@@ -34,9 +36,10 @@ class Desk:
     commands that the loop carries out itself; they end the query, at once or later.
     """
 
-    def __init__(self, keys: Keys, mapper: Mapper, archive: Archive) -> None:
+    def __init__(self, keys: Keys, mapper: Mapper, archive: Archive, leasing: Leasing) -> None:
         self.keys = keys
         self.mapper = mapper
+        self.leasing = leasing
         self.commands: dict[tuple[str, str], Command] = {}
         self._archive = archive
         self._log = structlog.get_logger("desk")
@@ -70,6 +73,9 @@ class Desk:
         elif below == "localize":
             request = decode(LocalizeRequest, query.payload)
             query.reply(query.key, encode(self.mapper.localize(request)))
+        elif below == "activation/lease":
+            wanted = decode(LeaseRequest, query.payload)
+            query.reply(query.key, encode(self.leasing.answer(wanted, self.mapper.live)))
         elif below.endswith("ack"):
             self._acks(query)
         elif below.endswith("pose"):

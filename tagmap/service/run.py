@@ -109,6 +109,6 @@ def _listen(link: Link, keys: Keys, inbox: Inbox) -> None:
 
     link.watch_alive(keys.alive(), on_presence)
     maps = (keys.map_version(), f"{keys.map_tags()}/**")
-    for key_expr in (keys.ack(), keys.pose(), *maps, keys.localize(), keys.admin()):
+    for key_expr in (keys.ack(), keys.pose(), *maps, keys.localize(), keys.lease(), keys.admin()):
         link.serve(key_expr, on_query)
     link.subscribe(keys.keyframes(), on_keyframe, capacity=RING)

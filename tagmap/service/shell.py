@@ -25,6 +25,7 @@ from tagmap.service.admin import Args
 from tagmap.service.archive import Archive
 from tagmap.service.desk import Desk
 from tagmap.service.inbox import Inbox
+from tagmap.service.leasing import Leasing
 from tagmap.service.restore import restore
 from tagmap.service.solver import Failed, Solved, SolverProcess
 from tagmap.service.solving import Solving
@@ -60,8 +61,9 @@ class Service:
         self.keys = Keys(store.site)
         self.log = structlog.get_logger("service")
         self.throttle = Throttle()
-        self.mapper: Mapper = restore(store)
-        self.desk = Desk(self.keys, self.mapper, archive)
+        self.leasing = Leasing()
+        self.mapper: Mapper = self._restored()
+        self.desk = Desk(self.keys, self.mapper, archive, self.leasing)
         self.desk.commands[("site", "status")] = self._status
         self.desk.commands[("tags", "survey")] = self._survey_one
         self.desk.commands[("map", "solve")] = lambda query, _: self.solving.wait(query)
@@ -177,7 +179,7 @@ class Service:
         if time.monotonic() < self.broken_until_s:
             return False
         try:
-            mapper = restore(self.store)
+            mapper = self._restored()
         except TagmapError:
             self.broken_until_s = time.monotonic() + RETRY_S
             return False
@@ -185,6 +187,11 @@ class Service:
         self.mapper = self.desk.mapper = mapper
         self.broken_until_s = None
         return True
+
+    def _restored(self) -> Mapper:
+        mapper = restore(self.store)
+        mapper.ingest.grants = self.leasing.arbiter.grants
+        return mapper
 
     def _recover(self) -> None:
         """After a commit that went well."""

@@ -2,10 +2,15 @@ import random
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
+from tagmap.arbitration.grants import Grants
+from tagmap.arbitration.rules import Rules
 from tagmap.mapping.draft import Arrival, Draft
 from tagmap.mapping.ingest import Ingest
 from tests.mapping.messages import SESSION, encode, hello, keyframe, spatial_keyframe
+
+NOON_NS = 1_770_000_000_000_000_000
 
 
 def feed(ingest, *messages, robot="r1"):
@@ -221,3 +226,26 @@ def test_an_ack_tells_each_refusal_once_and_again_when_it_is_sent_again():
     assert [r.seq for r in session_of(ingest).ack([0]).refused] == [1]
     assert session_of(ingest).ack([0]).refused == ()
     assert [r.seq for r in session_of(ingest).ack([1]).refused] == [1]
+
+
+@pytest.mark.parametrize(
+    ("id_by", "lease", "reason"),
+    [
+        ("laser", 0, None),
+        ("laser", None, None),
+        ("track", 99, None),
+        ("laser", 99, f"sightings[0]: lease {NOON_NS + 99} was never granted"),
+    ],
+)
+def test_identified_by_laser_under_a_lease(id_by, lease, reason):
+    """`lease` counts from that which was granted."""
+    ingest = Ingest("site")
+    ingest.grants = Grants(Rules(), NOON_NS)
+    granted = ingest.grants.add("r1", 1.0, NOON_NS)
+    lit = keyframe(1, t_ns=NOON_NS)
+    number = None if lease is None else granted + lease
+    sighting = replace(lit.sightings[0], id_by=id_by, lease=number)
+    draft = feed(ingest, hello(), replace(lit, sightings=(sighting,)))
+    assert reasons(draft) == ([] if reason is None else [reason])
+    ingest.grants = None
+    assert reasons(feed(ingest, replace(lit, seq=2, sightings=(sighting,)))) == []

@@ -177,6 +177,9 @@ EXAMPLES: dict[str, Message] = {
     "admin_request": AdminRequest(args={"tag": "e2001", "p_m": [1.0, 2.0, 3.0], "n": 3}),
     "admin_reply": AdminReply(error=None, data={"tags": [{"tag": "e2001", "n": 5}]}),
     "lease_request": LeaseRequest(robot="r1", wanted_s=0.5),
+    "lease_request_here": LeaseRequest(
+        robot="r1", wanted_s=0.0, p_m=(1.0, -2.0, 0.5), radius_m=0.25, done=7
+    ),
     "lease_reply": LeaseReply(lease=7, valid_s=0.5, retry_s=0.0),
     "write_job": WriteJob(job=5, tag="e2001", record=bytes(range(44)), valid_s=60.0),
     "job_result": JobResult(

@@ -241,7 +241,14 @@ MESSAGES: dict[type[Message], st.SearchStrategy[Message]] = {
         records.AdminRequest, args=st.dictionaries(TEXTS, PLAIN, max_size=3)
     ),
     records.AdminReply: st.builds(records.AdminReply, error=st.none() | TEXTS, data=PLAIN),
-    records.LeaseRequest: st.builds(records.LeaseRequest, robot=NAMES, wanted_s=POSITIVE),
+    records.LeaseRequest: st.builds(
+        records.LeaseRequest,
+        robot=NAMES,
+        wanted_s=st.just(0.0) | POSITIVE,
+        p_m=st.none() | st.tuples(NUMBERS, NUMBERS) | st.tuples(NUMBERS, NUMBERS, NUMBERS),
+        radius_m=st.just(0.0) | POSITIVE,
+        done=st.none() | COUNTS,
+    ),
     records.LeaseReply: st.builds(
         records.LeaseReply,
         lease=st.none() | COUNTS,
