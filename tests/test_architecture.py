@@ -22,6 +22,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "records": {"geometry"},
     "memory": {"records"},
     "arbitration": set(),
+    "writeback": {"records", "memory"},
     "localisation": {"geometry", "records"},
     "estimation": {"geometry", "records"},
     "mapping": {"geometry", "records", "localisation", "estimation", "arbitration"},
@@ -46,6 +47,7 @@ PURE = (
     "tagmap/mapping/",
     "tagmap/memory/",
     "tagmap/arbitration/",
+    "tagmap/writeback/",
 )
 PURE_FILES = ("tagmap/mapper.py", "robot_agent/agent.py")
 """Decision logic: time, randomness and bytes are arguments."""

@@ -92,6 +92,12 @@ def read(memory: bytes, tag: str, key: bytes | None = None, site: int | None = N
     return Contents(layout, slots, newest)
 
 
+def encode_for(memory_bytes: int, record: TagRecord, tag: str, key: bytes | None = None) -> bytes:
+    """The record in the form that a memory of this size has room for. RecordRefused where it has
+    room for none, ValueError where that form cannot hold the record."""
+    return layout_of(memory_bytes, key is not None).encode(record, tag, key)
+
+
 def is_newer(a: TagRecord, b: TagRecord) -> bool:
     """Higher map version, then time. Where only 16 bits of the version are known they may have
     gone round (serial number arithmetic, RFC 1982)."""

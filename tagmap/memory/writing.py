@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from tagmap.errors import RecordRefused
 from tagmap.memory.record import TagRecord
-from tagmap.memory.slots import SLOT_NAMES, Contents, is_newer, read
+from tagmap.memory.slots import SLOT_NAMES, is_newer, read
 
 ENDURED_WRITES = 100_000
 
@@ -24,28 +26,33 @@ class WritePlan:
 
 def plan_write(
     memory: bytes,
-    record: TagRecord,
+    data: bytes,
     tag: str,
     key: bytes | None = None,
     site: int | None = None,
     thaw: bool = False,
 ) -> WritePlan | None:
-    """None where exactly this record counts already.
+    """How the record `data`, encoded for this memory, gets there; None where it counts already.
 
     Into a slot that holds nothing valid, else the older one, so that until the last byte is written
-    the record that counted before still does. RecordRefused where the new one would not count: what
-    is there is newer, or frozen without leave to `thaw`. ValueError where the form that the memory
-    has room for cannot hold the record.
+    the record that counted before still does. RecordRefused where `data` is no record that fits
+    here, and where it would not count: what is there is newer, or frozen without leave to `thaw`.
     """
     contents = read(memory, tag, key, site)
     layout = contents.layout
-    data = layout.encode(record, tag, key)
-    if contents.newest is not None and memory[layout.slice(contents.newest)] == data:
-        return None
-    _check_counts(contents, layout.decode(data, tag, key), thaw)
+    record = layout.decode(data, tag, key)
+    if contents.record is not None:
+        if say_the_same(contents.record, record):
+            return None
+        _check_counts(contents.record, record, thaw)
     slot = 1 - contents.newest if contents.newest is not None and layout.slots == 2 else 0
     words = tuple(int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2))
     return WritePlan(slot, slot * layout.slot_bytes // 2, words)
+
+
+def say_the_same(a: TagRecord, b: TagRecord) -> bool:
+    """Whoever wrote them: a job that was given to a second robot is not done twice."""
+    return replace(a, robot=None) == replace(b, robot=None)
 
 
 def compare(plan: WritePlan, memory: bytes) -> str | None:
@@ -64,10 +71,7 @@ def wear(writes: int, slots: int) -> float:
     return -(-writes // slots) / ENDURED_WRITES
 
 
-def _check_counts(contents: Contents, record: TagRecord, thaw: bool) -> None:
-    held = contents.record
-    if held is None:
-        return
+def _check_counts(held: TagRecord, record: TagRecord, thaw: bool) -> None:
     if held.frozen and not thaw:
         raise RecordRefused("the record there is frozen")
     if not is_newer(record, held):

@@ -15,7 +15,7 @@ class WriteJob(Message, frozen=True, kw_only=True):
 
 
 class JobResult(Message, frozen=True, kw_only=True):
-    """What the robot read back after writing; `read` is null when nothing could be read."""
+    """`read`: the tag's whole memory as the robot read it back; null when it could not be read."""
 
     robot: Name
     job: int

@@ -5,12 +5,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tagmap.errors import RecordRefused
+from tagmap.memory import compact, full
 from tagmap.memory.provenance import distance_m, is_prior
-from tagmap.memory.slots import layout_of, read
+from tagmap.memory.slots import encode_for, layout_of, read
 from tagmap.memory.writing import compare, plan_write, wear
-from tests.memory.records import KEY, SITE, TAG, compact_memory, full_memory, record
+from tests.memory.records import KEY, OTHER, SITE, TAG, compact_memory, full_memory, record
 
 OLD, NEW, NEXT = record(map_version=6), record(map_version=7), record(map_version=8)
+
+
+def plan(memory, told, tag, key=None, **options):
+    return plan_write(memory, encode_for(len(memory), told, tag, key), tag, key, **options)
 
 
 def version(memory, key=None):
@@ -18,9 +23,9 @@ def version(memory, key=None):
     return None if held is None else held.map_version
 
 
-def write(memory, plan, n_bytes=None):
+def write(memory, planned, n_bytes=None):
     """The memory after the first `n_bytes` of the plan are written."""
-    first, data = 2 * plan.first_word, plan.data[:n_bytes]
+    first, data = 2 * planned.first_word, planned.data[:n_bytes]
     return memory[:first] + data + memory[first + len(data) :]
 
 
@@ -61,8 +66,8 @@ def test_the_newest_counts():
 def test_compact_versions_go_round():
     before, after = record(map_version=65535), record(map_version=65537)
     assert version(compact_memory(before, after)) == 1
-    plan = plan_write(compact_memory(before), after, TAG)
-    assert version(write(compact_memory(before), plan)) == 1
+    planned = plan(compact_memory(before), after, TAG)
+    assert version(write(compact_memory(before), planned)) == 1
 
 
 def test_why_there_is_no_record():
@@ -82,9 +87,9 @@ def test_another_sites_record_does_not_count():
     contents = read(memory, TAG, site=SITE)
     assert contents.record.map_version == 6
     assert contents.slots[0] == "of site 9, this is 3"
-    plan = plan_write(memory, NEW, TAG, site=SITE)
-    assert plan.slot == 0
-    assert read(write(memory, plan), TAG, site=SITE).record.map_version == 7
+    planned = plan(memory, NEW, TAG, site=SITE)
+    assert planned.slot == 0
+    assert read(write(memory, planned), TAG, site=SITE).record.map_version == 7
 
 
 def memories():
@@ -97,61 +102,71 @@ def memories():
 
 def test_a_write_torn_at_any_byte_leaves_the_record_that_counted():
     for memory, key in memories():
-        plan = plan_write(memory, NEXT, TAG, key)
-        for n_bytes in range(len(plan.data)):
-            torn = write(memory, plan, n_bytes)
+        planned = plan(memory, NEXT, TAG, key)
+        for n_bytes in range(len(planned.data)):
+            torn = write(memory, planned, n_bytes)
             assert version(torn, key) == 7
-            assert (compare(plan, torn) is None) == (torn == write(memory, plan))
-            again = plan_write(torn, NEXT, TAG, key)
-            assert again == plan
-        done = write(memory, plan)
+            assert (compare(planned, torn) is None) == (torn == write(memory, planned))
+            again = plan(torn, NEXT, TAG, key)
+            assert again == planned
+        done = write(memory, planned)
         assert version(done, key) == 8
-        assert compare(plan, done) is None
-        assert plan_write(done, NEXT, TAG, key) is None
+        assert compare(planned, done) is None
+        assert plan(done, NEXT, TAG, key) is None
 
 
 def test_a_torn_write_into_a_single_slot_is_noticed():
     for memory in (full_memory(OLD, size=44), compact_memory(OLD, size=16)):
-        plan = plan_write(memory, NEW, TAG)
-        for n_bytes in range(1, len(plan.data)):
-            assert version(write(memory, plan, n_bytes)) in (None, 6, 7)
-        assert version(write(memory, plan)) == 7
+        planned = plan(memory, NEW, TAG)
+        for n_bytes in range(1, len(planned.data)):
+            assert version(write(memory, planned, n_bytes)) in (None, 6, 7)
+        assert version(write(memory, planned)) == 7
 
 
 @given(st.lists(st.booleans(), max_size=20), st.integers(1, 43))
 def test_slots_take_turns_whatever_fails(torn, n_bytes):
     memory, held = full_memory(None, None), None
     for i, fails in enumerate(torn):
-        plan = plan_write(memory, record(map_version=i), TAG)
-        memory = write(memory, plan, n_bytes if fails else None)
+        planned = plan(memory, record(map_version=i), TAG)
+        memory = write(memory, planned, n_bytes if fails else None)
         held = held if fails else i
         assert version(memory) == held
 
 
 def test_words_are_big_endian_and_addressed_in_words():
-    plan = plan_write(full_memory(NEW, None), NEXT, TAG)
-    assert (plan.slot, plan.first_word, len(plan.words)) == (1, 22, 22)
-    assert plan.words[0] >> 8 == 0xE5
-    assert plan_write(full_memory(NEW, None, key=KEY), NEXT, TAG, KEY).first_word == 26
-    assert plan_write(compact_memory(NEW), NEXT, TAG).first_word == 8
+    planned = plan(full_memory(NEW, None), NEXT, TAG)
+    assert (planned.slot, planned.first_word, len(planned.words)) == (1, 22, 22)
+    assert planned.words[0] >> 8 == 0xE5
+    assert plan(full_memory(NEW, None, key=KEY), NEXT, TAG, KEY).first_word == 26
+    assert plan(compact_memory(NEW), NEXT, TAG).first_word == 8
 
 
 def test_what_was_read_back_differently():
     memory = full_memory(NEW, None)
-    plan = plan_write(memory, NEXT, TAG)
-    assert compare(plan, write(memory, plan, 40)) == "slot B: 4 of 44 bytes differ, first byte 40"
-    assert compare(plan, memory[:44]) == "slot B: 44 of 44 bytes differ, first byte 0"
+    planned = plan(memory, NEXT, TAG)
+    assert (
+        compare(planned, write(memory, planned, 40))
+        == "slot B: 4 of 44 bytes differ, first byte 40"
+    )
+    assert compare(planned, memory[:44]) == "slot B: 44 of 44 bytes differ, first byte 0"
 
 
 def test_what_would_not_count_is_not_written():
     with pytest.raises(RecordRefused, match="not older than version 6"):
-        plan_write(full_memory(NEW, None), OLD, TAG)
+        plan(full_memory(NEW, None), OLD, TAG)
     with pytest.raises(RecordRefused, match="not older"):
-        plan_write(full_memory(NEW, None), record(map_version=7, count=1), TAG)
+        plan(full_memory(NEW, None), record(map_version=7, count=1), TAG)
     frozen = full_memory(record(frozen=True), None)
     with pytest.raises(RecordRefused, match="frozen"):
-        plan_write(frozen, NEXT, TAG)
-    assert plan_write(frozen, NEXT, TAG, thaw=True).slot == 1
+        plan(frozen, NEXT, TAG)
+    assert plan(frozen, NEXT, TAG, thaw=True).slot == 1
+    for data in (full.encode(NEXT, OTHER), compact.encode(NEXT, TAG), b""):
+        with pytest.raises(RecordRefused):
+            plan_write(full_memory(NEW, None), data, TAG)
+
+
+def test_what_another_robot_wrote_already_is_not_written_again():
+    assert plan(full_memory(NEW, None), record(map_version=7, robot=99), TAG) is None
 
 
 def test_wear_is_of_the_most_written_cell():

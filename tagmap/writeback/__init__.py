@@ -1,0 +1,1 @@
+"""Which tag gets which record from which robot: decisions without I/O."""
