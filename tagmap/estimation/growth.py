@@ -12,7 +12,7 @@ import numpy as np
 from tagmap.conventions import Array, Index
 from tagmap.estimation import robust
 from tagmap.estimation.kernels import window as kernel
-from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
+from tagmap.estimation.kernels.layout import Linear, Sighted
 from tagmap.estimation.optimise import Options, optimise
 from tagmap.estimation.packing import (
     Packed,
@@ -60,11 +60,11 @@ class _Growth:
 
     def run(self) -> Array:
         """Poses (n, D, D)."""
-        start, n = 0, self._problem.n_poses
+        start, n, steps = 0, self._problem.n_poses, self._packed.steps
         while start + 1 < n:
             stop = min(start + WINDOW, n)
             for i in range(start + 1, stop):
-                self._T[i] = self._T[i - 1] @ self._packed.steps.T[i - 1]
+                self._T[i] = self._T[i - 1] @ steps.T[steps.row[i - 1]]
             fits = self._advance(start, stop)
             if start == 0 or (not fits and stop >= LEAST_GROWN * self._joined):
                 self._join(stop)
@@ -80,7 +80,7 @@ class _Growth:
         if good and self._place_new_tags(start, stop):
             good = kernel.localise(window, T, self._p, self._information, MU_STEP)
         if good:
-            kernel.refit_tags(window, T, self._p, self._information, self._support)
+            kernel.refit_tags(window, self._p, self._information, self._support)
         self._forget(np.unique(window.sighted.tag))
         self._hold = _information_of(window.D[-1] if good else self._sure)
         return not good or misfits <= MOST_MISFITS * int(known.sum())
@@ -90,22 +90,17 @@ class _Growth:
         packed = self._packed
         a, b = packed.first[start], packed.first[stop]
         n, k = stop - start, int(b - a)
-        sighted, m = packed.sighted, self._problem.n_tags
+        sighted = packed.sighted
         own = sighted._replace(
-            form=sighted.form[a:b],
-            rig=sighted.rig[a:b],
-            pose=sighted.pose[a:b] - start,
             tag=sighted.tag[a:b],
-            mount=sighted.mount[a:b],
+            how=sighted.how[a:b],
             z=sighted.z[a:b],
-            whiten=sighted.whiten[a:b],
-            unknowns=sighted.unknowns[a:b],
         )
-        steps = Steps._make(part[start : stop - 1] for part in packed.steps)
+        rows, columns = packed.steps.row[start : stop - 1], packed.steps.columns[start : stop - 1]
         return kernel.Window(
             sighted=own,
-            steps=steps,
-            linear=_room(packed.first[start : stop + 1] - a, own, n, m),
+            steps=packed.steps._replace(row=rows, columns=columns),
+            linear=_room(self._T[start:stop], self._p, packed.first[start : stop + 1] - a, own),
             hold=self._hold,
             T_hold=self._T[start].copy(),
             pins=packed.pose_pins,
@@ -169,13 +164,15 @@ def _information_of(cov: Array) -> Array:
     return information if np.isfinite(information).all() else np.zeros((6, 6))
 
 
-def _room(first: Index, sighted: Sighted, n: int, m: int) -> Linear:
-    k = len(sighted.tag)
+def _room(T: Array, p: Array, first: Index, sighted: Sighted) -> Linear:
+    """Linearised wherever T and p are at the time."""
+    n, m, k = len(T), len(p), len(sighted.tag)
     return Linear(
+        T=T,
+        p=p,
         first=first,
         tag=sighted.tag,
-        seen=np.zeros((k, 9)),
-        gradient=np.zeros((k, 3)),
+        seen=np.zeros((k, 6)),
         diagonal=np.zeros((n, 6, 6)),
         following=np.zeros((n - 1, 6, 6)),
         pose_gradient=np.zeros((n, 6)),

@@ -106,8 +106,8 @@ class Optimiser:
         if not self._options.robust:
             return point
         sighted = self._system.packed.sighted
-        self._mu = robust.first_mu(point.squares.sightings, sighted.c2[sighted.form])
-        self._system.release(point)
+        c2 = sighted.c2[sighted.block[sighted.how]]
+        self._mu = robust.first_mu(point.squares.sightings, c2)
         return self._system.at(values, point.belief, self._kernel_mu())
 
     @property
@@ -132,11 +132,10 @@ class Optimiser:
                     return point, True
                 trial = self._try(point, step)
                 if trial.asked <= point.cost:
-                    self._system.release(point)
                     self._damping = max(self._damping * 0.1, DAMPING_LEAST)
                     self._count_regrouping(point, trial)
                     return trial, False
-                self._system.release(trial)
+                point = self._system.at(point.values, point.belief)
             self._damping = max(self._damping * 10.0, 1e-9)
         return None
 

@@ -7,10 +7,12 @@ plane: there `pins` hold poses and tags where they are.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 
-from tagmap.conventions import Array, Form, Index, Kind
+from tagmap.conventions import Array, Form, Index, Kind, Mask
 from tagmap.estimation import robust
 from tagmap.estimation.kernels.forms import (
     MONO_PX,
@@ -20,7 +22,7 @@ from tagmap.estimation.kernels.forms import (
     RIG_SIZE,
     STEREO_PX,
 )
-from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
+from tagmap.estimation.kernels.layout import Linear, Short, Sighted, Steps
 from tagmap.estimation.problem import Odometry, Problem, Sightings, State
 from tagmap.geometry.camera import Camera
 from tagmap.geometry.stereo import StereoRig
@@ -32,20 +34,29 @@ _CODES: dict[Form, int] = {
     "range_bearing": RANGE_BEARING,
 }
 _ROWS, _COLUMNS = np.tril_indices(4)
+_SORTED = slice(None)
+_NO_INDEX: Index = np.zeros(0, dtype=np.int64)
+_NO_POSES: Array = np.zeros((0, 4, 4))
+Rows = TypeVar("Rows", bound=npt.NDArray[Any])
 _AXES: dict[Kind, Index] = {"spatial": np.arange(6), "planar": np.array([0, 1, 5])}
+
+
+Order: TypeAlias = Index | slice
+"""Of rows. A slice where they need not be moved: then nothing is copied."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packed:
     """What the kernels are given, and how its rows come from the problem's blocks.
 
+    Arrays of the problem that do as they are are not copied.
     rows: of each block of sightings, where they stand among all. slot_column (N, s): see Linear.
     pose_pins (6,), tag_pins (3,): diagonals for every pose and tag.
     axes (dof,): which of the six coordinates of a pose the problem has.
     """
 
     sighted: Sighted
-    rows: tuple[Index, ...]
+    rows: tuple[Order, ...]
     steps: Steps
     first: Index
     slot_column: Index
@@ -56,18 +67,13 @@ class Packed:
 
 def pack(problem: Problem) -> Packed:
     """All blocks as one table."""
-    blocks = problem.sightings
-    pose = _joined([block.pose for block in blocks])
-    order = np.argsort(pose, kind="stable")
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    bounds = np.cumsum([0, *map(len, blocks)])
+    order, rows = _orders([block.pose for block in problem.sightings])
     planar = problem.kind == "planar"
     return Packed(
         sighted=_sighted(problem, order),
-        rows=tuple(place[a:b] for a, b in pairwise(bounds.tolist())),
+        rows=rows,
         steps=_steps(problem),
-        first=np.searchsorted(pose[order], np.arange(problem.n_poses + 1)),
+        first=_first(problem),
         slot_column=_slots(problem),
         pose_pins=np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0]) if planar else np.zeros(6),
         tag_pins=np.array([0.0, 0.0, 1.0]) if planar else np.zeros(3),
@@ -76,17 +82,18 @@ def pack(problem: Problem) -> Packed:
 
 
 def empty(packed: Packed, n_tags: int, n_columns: int) -> Linear:
-    """Room for one linearisation."""
+    """Room for a linearisation."""
     n, k, slots = len(packed.first) - 1, len(packed.sighted.tag), packed.slot_column.shape[1]
     steps, own = packed.steps.columns.shape
     return Linear(
+        T=np.zeros((0, 4, 4)),
+        p=np.zeros((0, 3)),
         first=packed.first,
         tag=packed.sighted.tag,
-        seen=np.zeros((k, 9)),
-        gradient=np.zeros((k, 3)),
-        diagonal=np.zeros((n, 6, 6)),
-        following=np.zeros((max(n - 1, 0), 6, 6)),
-        pose_gradient=np.zeros((n, 6)),
+        seen=np.empty((k, 6)),
+        diagonal=np.empty((n, 6, 6)),
+        following=np.empty((max(n - 1, 0), 6, 6)),
+        pose_gradient=np.empty((n, 6)),
         tag_diagonal=np.zeros((n_tags, 3, 3)),
         tag_gradient=np.zeros((n_tags, 3)),
         pose_calibration=np.zeros((n, 6, slots)),
@@ -123,38 +130,95 @@ def state_of(kind: Kind, T: Array, p: Array, calibration: Array) -> State:
     return State(flat, p[:, :2].copy(), calibration)
 
 
-def _joined(parts: Sequence[Index]) -> Index:
-    whole: Index = np.concatenate([*parts, np.zeros(0, dtype=np.int64)])
-    return whole
+def _orders(poses: Sequence[Index]) -> tuple[Order, tuple[Order, ...]]:
+    """How all rows of the blocks one after the other are to be sorted, and where each then is."""
+    bounds = list(pairwise(np.cumsum([0, *map(len, poses)]).tolist()))
+    pose = _joined(poses, _NO_INDEX)
+    if (pose[1:] >= pose[:-1]).all():
+        return _SORTED, tuple(slice(a, b) for a, b in bounds)
+    order = np.argsort(pose, kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return order, tuple(place[a:b] for a, b in bounds)
 
 
-def _sighted(problem: Problem, order: Index) -> Sighted:
+def _joined(parts: Sequence[Rows], none: Rows) -> Rows:
+    """One after the other; `none` if there are no parts."""
+    if len(parts) < 2:
+        return parts[0] if parts else none
+    return cast("Rows", np.concatenate(parts))
+
+
+def _first(problem: Problem) -> Index:
+    """(N + 1,): see Linear."""
+    first = np.zeros(problem.n_poses + 1, dtype=np.int64)
+    for block in problem.sightings:
+        first[1:] += np.bincount(block.pose, minlength=problem.n_poses)
+    return np.cumsum(first, out=first)
+
+
+def _sighted(problem: Problem, order: Order) -> Sighted:
     blocks = problem.sightings
-    sizes = [len(block) for block in blocks]
-    forms = [_form(problem.kind, block.form) for block in blocks]
-    c2 = np.zeros(RANGE_BEARING_PLANAR + 1)
-    for form, block in zip(forms, blocks, strict=True):
-        c2[form] = robust.chi2_bound(block.z.shape[1])
-    mounts, mount = _mounts(blocks)
-    each = np.repeat(np.arange(len(blocks)), sizes)[order]
-    z = [np.pad(block.z, ((0, 0), (0, 4 - block.z.shape[1]))) for block in blocks]
+    how, first = _hows(blocks)
+    mounts = [block.T_cam_base[at] for block, at in zip(blocks, first, strict=True)]
+    each_mount, number = _distinct(np.concatenate([_NO_POSES, *map(poses_in_space, mounts)]))
+    whiten = [lower(block.whiten[at]) for block, at in zip(blocks, first, strict=True)]
     kinds, columns = _unknowns(problem)
     return Sighted(
-        form=np.array(forms, dtype=np.int64)[each],
-        rig=each,
+        tag=_joined([block.tag for block in blocks], _NO_INDEX)[order].astype(np.int32),
+        how=how[order],
+        z=_usable(_joined([_four_columns(b.z) for b in blocks], np.zeros((0, 4)))[order]),
+        block=np.repeat(np.arange(len(blocks)), [len(at) for at in first]),
+        mount=number,
+        whiten=np.concatenate([np.zeros((0, 10)), *whiten]),
+        T_cam_base=each_mount,
+        form=np.array([_form(problem.kind, block.form) for block in blocks], dtype=np.int64),
         rigs=np.array([rig_numbers(block.rig) for block in blocks]).reshape(-1, RIG_SIZE),
-        pose=_joined([block.pose for block in blocks])[order],
-        tag=_joined([block.tag for block in blocks])[order],
-        mount=mount[order],
-        T_cam_base=mounts,
-        z=np.concatenate([*z, np.zeros((0, 4))])[order],
-        whiten=np.concatenate([*(lower(b.whiten) for b in blocks), np.zeros((0, 10))])[order],
-        unknowns=each,
         kinds=kinds,
         columns=columns,
         twist=_twists(problem)[order] if _delayed(problem) else np.zeros((0, 6)),
-        c2=c2,
+        c2=np.array([robust.chi2_bound(block.z.shape[1]) for block in blocks], dtype=float),
     )
+
+
+def _hows(blocks: Sequence[Sightings]) -> tuple[Short, list[Index]]:
+    """How each sighting was measured, and of each block the first ones that were so.
+
+    Mount or whitening differ from those of the sighting before.
+    """
+    numbers: list[Short] = []
+    first: list[Index] = []
+    n = 0
+    for block in blocks:
+        new = _changes(block.T_cam_base) | _changes(block.whiten)
+        numbers.append(np.cumsum(new, dtype=np.int32) + np.int32(n - 1))
+        first.append(np.flatnonzero(new))
+        n += len(first[-1])
+    return _joined(numbers, np.zeros(0, dtype=np.int32)), first
+
+
+def _changes(rows: Array) -> Mask:
+    """(K,): which of the rows (K, ...) differ from the one before."""
+    new = np.zeros(len(rows), dtype=bool)
+    new[:1] = True
+    if rows.strides[0]:
+        new[1:] = (rows[1:] != rows[:-1]).any(axis=(1, 2))
+    return new
+
+
+def _distinct(rows: Array) -> tuple[Array, Index]:
+    """The rows (K, ...) without repetitions of the one before, and which of them each is."""
+    new = _changes(rows)
+    return rows[new], np.cumsum(new) - 1
+
+
+def _four_columns(z: Array) -> Array:
+    return z if z.shape[1] == 4 else np.pad(z, ((0, 0), (0, 4 - z.shape[1])))
+
+
+def _usable(rows: Array) -> Array:
+    """By kernels: in order, and not for reading only, which would be compiled once more."""
+    return np.require(rows, np.float64, ["C", "W"])
 
 
 def _unknowns(problem: Problem) -> tuple[Index, Index]:
@@ -212,17 +276,6 @@ def _form(kind: Kind, form: Form) -> int:
     return RANGE_BEARING_PLANAR if planar else _CODES[form]
 
 
-def _mounts(blocks: Sequence[Sightings]) -> tuple[Array, Index]:
-    """The T_cam_base one after the other, (U, 4, 4), and which of them each sighting has."""
-    mounts, numbers, n = [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)], 0
-    for block in blocks:
-        own, number = _distinct(block.T_cam_base)
-        mounts.append(poses_in_space(own))
-        numbers.append(number + n)
-        n += len(own)
-    return np.concatenate(mounts), np.concatenate(numbers)
-
-
 def lower(whiten: Array) -> Array:
     """(K, c, c) lower triangular to (K, 10), as of 4 x 4."""
     c = whiten.shape[-1]
@@ -230,13 +283,6 @@ def lower(whiten: Array) -> Array:
     triangles = np.zeros((len(whiten), 10))
     triangles[:, inside] = whiten[:, _ROWS[inside], _COLUMNS[inside]]
     return triangles
-
-
-def _distinct(T: Array) -> tuple[Array, Index]:
-    """The matrices as they follow each other, equal neighbours once; which of them each is."""
-    changes = np.ones(len(T), dtype=bool)
-    changes[1:] = (T[1:] != T[:-1]).any(axis=(1, 2))
-    return T[changes], np.cumsum(changes) - 1
 
 
 def rig_numbers(rig: StereoRig | None) -> Array:
@@ -255,12 +301,14 @@ def _camera(camera: Camera) -> Array:
 def _steps(problem: Problem) -> Steps:
     n = max(problem.n_poses - 1, 0)
     odometry, axes = problem.odometry, _AXES[problem.kind]
-    has, T, information = np.zeros(n, dtype=np.int64), np.zeros((n, 4, 4)), np.zeros((n, 6, 6))
-    has[odometry.first] = 1
-    T[odometry.first] = poses_in_space(odometry.T)
-    whole = np.swapaxes(odometry.whiten, -1, -2) @ odometry.whiten
-    information[odometry.first[:, None, None], axes[:, None], axes] = whole
-    return Steps(has, T, information, _step_columns(odometry, n))
+    row = np.full(n, -1, dtype=np.int64)
+    row[odometry.first] = np.arange(len(odometry.first))
+    whiten, how = _distinct(odometry.whiten)
+    information = np.zeros((len(whiten), 6, 6))
+    information[:, axes[:, None], axes] = np.swapaxes(whiten, -1, -2) @ whiten
+    return Steps(
+        row, _usable(poses_in_space(odometry.T)), how, information, _step_columns(odometry, n)
+    )
 
 
 def _step_columns(odometry: Odometry, n: int) -> Index:

@@ -23,7 +23,7 @@ from scipy.sparse.linalg import splu
 from tagmap.conventions import Array, Index
 from tagmap.estimation.condensed import Condensed
 from tagmap.estimation.kernels import chain, segments
-from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.kernels.layout import Linear, Short
 from tagmap.estimation.system import Point, System
 
 SEGMENT_SIGHTINGS = 36
@@ -68,7 +68,7 @@ class Pattern:
     def of(
         cls,
         first: Index,
-        tag: Index,
+        tag: Short,
         n_tags: int,
         slot_column: Index,
         condensed: Condensed | None = None,

@@ -114,7 +114,6 @@ def _advance(part: _Part, move: _Move) -> _Said:
         chain.poses_of(point.linear, L, D, move.tags, move.calibration, along)
         s = move.share
         values = system.moved(values, s * (poses - along), s * move.tags, s * move.calibration)
-        system.release(point)
     point = system.at(values, belief)
     prior = float((point.squares.calibration).sum())
     return _Said(values, point.cost - prior, condensed_at(part.problem, point, part.weights))

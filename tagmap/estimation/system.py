@@ -15,7 +15,6 @@ from tagmap.estimation import robust
 from tagmap.estimation.kernels import calibration as unknowns
 from tagmap.estimation.kernels import motion, sightings, steps
 from tagmap.estimation.kernels.layout import Linear
-from tagmap.estimation.kernels.step_weights import weigh_steps
 from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Residuals, Weights
@@ -53,6 +52,8 @@ class Squares:
 class Point:
     """The problem at some values: its linear model, and what each factor costs there.
 
+    The model stands until the system is linearised elsewhere: it has room for one.
+
     asked: the cost at the weights it was asked with; `belief`, `cost`: those of the model.
     own (M, 3, 3): what the tags' blocks hold besides sightings.
     """
@@ -67,13 +68,13 @@ class Point:
 
 
 class System:
-    """The packed problem and room for two points: the present one and the next to be tried."""
+    """The packed problem, and room for its linear model."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.packed = pack(problem)
         self.n_columns = len(problem.calibration)
-        self._room = [empty(self.packed, problem.n_tags, self.n_columns) for _ in range(2)]
+        self._room = empty(self.packed, problem.n_tags, self.n_columns)
         self.condensed = None if problem.condensed is None else problem.condensed.information
         surveyed, d = problem.surveyed, problem.tag_dof
         self._survey = np.zeros((len(surveyed), 3, 3))
@@ -96,7 +97,7 @@ class System:
         rows = np.ones(self.problem.n_sightings)
         for at, w in zip(self.packed.rows, weights.sightings, strict=True):
             rows[at] = w
-        steps_ = np.ones(len(self.packed.steps.has))
+        steps_ = np.ones(len(self.packed.steps.row))
         steps_[self.problem.odometry.first] = weights.odometry
         return Belief(rows, weights.surveyed, steps_)
 
@@ -116,22 +117,16 @@ class System:
         return Belief(
             np.ones(self.problem.n_sightings),
             np.ones(len(self.problem.surveyed)),
-            np.ones(len(self.packed.steps.has)),
+            np.ones(len(self.packed.steps.row)),
         )
-
-    def release(self, point: Point) -> None:
-        """Its room may be used again."""
-        self._room.append(point.linear)
 
     def at(self, values: Values, belief: Belief, mu: float = sightings.KEEP) -> Point:
         """Linearise, at new weights if mu is not KEEP; `asked` is the cost at the given ones."""
-        linear = self._room.pop()
+        linear = self._room._replace(T=values.T, p=values.p)
         _clear(linear)
         w, r2 = np.empty_like(belief.sightings), np.empty_like(belief.sightings)
         asked, cost = sightings.linearise_sightings(
             self.packed.sighted,
-            values.T,
-            values.p,
             values.calibration,
             mu,
             belief.sightings,
@@ -139,7 +134,6 @@ class System:
             r2,
             linear,
         )
-        steps.gather_sightings(linear)
         step_w, step_r2 = np.empty_like(belief.steps), np.empty_like(belief.steps)
         asked_steps, cost_steps = self._add_steps(linear, values, belief, mu, step_w, step_r2)
         if self.packed.pose_pins.any():
@@ -168,11 +162,9 @@ class System:
             corrected = measured._replace(T=np.empty_like(measured.T))
             unknowns.corrected_steps(measured, values.calibration, corrected.T)
         c2, least = robust.step_bound(self.problem.pose_dof), robust.LEAST_STEP
-        asked = weigh_steps(corrected, values.T, mu, c2, least, belief.steps, w, r2)
-        cost = steps.linearise_steps(corrected, values.T, w, np.empty_like(r2), linear)
+        asked, cost = steps.linearise_steps(corrected, mu, c2, least, belief.steps, w, r2, linear)
         if calibrated:
-            believed = measured._replace(information=measured.information * w[:, None, None])
-            unknowns.add_steps(believed, corrected.T, values.T, values.calibration, linear)
+            unknowns.add_steps(measured, corrected.T, w, values.calibration, linear)
         return asked, cost
 
     def _add_surveys(

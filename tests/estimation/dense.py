@@ -91,7 +91,8 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
             W, at = np.zeros((3, 3)), tags[linear.tag[k]]
             W[np.triu_indices(3)] = linear.seen[k, :6]
             W = W + np.triu(W, 1).T
-            by_pose = np.vstack([-W, -so3.hat(linear.seen[k, 6:]) @ W])
+            lever = linear.p[linear.tag[k]] - linear.T[i, :3, 3]
+            by_pose = np.vstack([-W, -so3.hat(lever) @ W])
             H[rows, at : at + 3] += by_pose
             H[at : at + 3, rows] += by_pose.T
         for column, coupling in zip(

@@ -59,15 +59,15 @@ def as_stated() -> Sensor:
 
 
 @compiled
-def sensor_of(sighted: Sighted, unknowns: int, calibration: Array) -> Sensor:
-    """Of the sightings with that row of unknowns."""
+def sensor_of(sighted: Sighted, block: int, calibration: Array) -> Sensor:
+    """Of the sightings of that block."""
     scale, disparity, delay = 1.0, 0.0, 0.0
     x = y = z = rx = ry = rz = 0.0
     for n in range(sighted.columns.shape[1]):
-        column = sighted.columns[unknowns, n]
+        column = sighted.columns[block, n]
         if column < 0:
             continue
-        kind, value = sighted.kinds[unknowns, n], calibration[column]
+        kind, value = sighted.kinds[block, n], calibration[column]
         if kind <= STEREO_SCALE:
             scale *= value
         elif kind == DISPARITY:
@@ -114,6 +114,7 @@ def _twist(sighted: Sighted, k: int) -> tuple[V, V]:
 def add_sensor(
     sighted: Sighted,
     k: int,
+    i: int,
     w: float,
     sensor: Sensor,
     calibration: Array,
@@ -124,14 +125,15 @@ def add_sensor(
     by: Array,
     linear: Linear,
 ) -> None:
-    """What one sighting says of its unknowns, and of them with its pose and tag.
+    """What sighting k from pose i says of its unknowns, and of them with pose and tag.
 
     point: p_cam, scaled already, R_cam_base as it is, p_base and q. rows: of the Jacobian by p_cam;
     by_point: its whitened columns by the point in axes of the map, but for the scale.
     by (q, 4) is for work.
     """
     p_cam, R_cam_base, p_base, q = point
-    i, t, own = sighted.pose[k], sighted.tag[k], sighted.unknowns[k]
+    t, how = sighted.tag[k], sighted.how[k]
+    own = sighted.block[how]
     n_unknowns = sighted.columns.shape[1]
     a, b, c, d = rows
     f = w * sensor.scale
@@ -145,7 +147,7 @@ def add_sensor(
         else:
             m = _motion(sighted, k, kind, sensor, calibration[column], p_cam, R_cam_base, p_base)
             raw = dot(a, m), dot(b, m), dot(c, m), dot(d, m)
-        x = whitened(sighted.whiten, k, raw)
+        x = whitened(sighted.whiten, how, raw)
         by[u, 0], by[u, 1], by[u, 2], by[u, 3] = x
         h = f * inner(by_point[0], x), f * inner(by_point[1], x), f * inner(by_point[2], x)
         turned = cross(q, h)
@@ -221,48 +223,56 @@ def _tangent(T: Array, length: float, turn: float) -> tuple[V, V]:
 
 @compiled
 def corrected_steps(steps: Steps, calibration: Array, out: Array) -> None:
-    """out (N - 1, 4, 4): the steps, the scales taken out."""
-    for i in range(len(out)):
+    """out (E, 4, 4): the steps, the scales taken out."""
+    for i in range(len(steps.row)):
+        row = steps.row[i]
+        if row < 0:
+            continue
         length, turn = scales_of(steps.columns, i, calibration)
-        v, w = _tangent(steps.T[i], length, turn)
+        v, w = _tangent(steps.T[row], length, turn)
         R, t = exponential(v, w)
         for a in range(3):
             for b in range(3):
-                out[i, a, b] = R[3 * a + b]
-            out[i, a, 3], out[i, 3, a] = t[a], 0.0
-        out[i, 3, 3] = 1.0
+                out[row, a, b] = R[3 * a + b]
+            out[row, a, 3], out[row, 3, a] = t[a], 0.0
+        out[row, 3, 3] = 1.0
 
 
 @compiled
-def add_steps(steps: Steps, corrected: Array, T: Array, calibration: Array, linear: Linear) -> None:
-    """What odometry says of its unknowns, and of them with poses.
+def add_steps(
+    steps: Steps, corrected: Array, weight: Array, calibration: Array, linear: Linear
+) -> None:
+    """What odometry at weights (N - 1,) says of its unknowns, and of them with poses.
 
     With the corrected tangent y the residual is log(exp(-y) S). It changes by -Jl^-1(r) Jr(y) dy,
     and a scale s changes the part of y that it divides by -y / s.
     """
-    for i in range(len(T) - 1):
-        a, b = steps.columns[i, 0], steps.columns[i, 1]
-        if steps.has[i] == 0 or (a < 0 and b < 0):
+    T = linear.T
+    for i in range(len(steps.row)):
+        a, b, row = steps.columns[i, 0], steps.columns[i, 1], steps.row[i]
+        if row < 0 or (a < 0 and b < 0):
             continue
-        R_i, R_j, R_m = rotation_of(T[i]), rotation_of(T[i + 1]), rotation_of(corrected[i])
+        R_i, R_j, R_m = rotation_of(T[i]), rotation_of(T[i + 1]), rotation_of(corrected[row])
         q = subtract(position_of(T[i + 1]), position_of(T[i]))
-        t = transposed_times(R_m, subtract(transposed_times(R_i, q), position_of(corrected[i])))
+        t = transposed_times(R_m, subtract(transposed_times(R_i, q), position_of(corrected[row])))
         v, w = logarithm(product(transpose(R_m), product(transpose(R_i), R_j)), t)
         r = v[0], v[1], v[2], w[0], w[1], w[2]
         length, turn = scales_of(steps.columns, i, calibration)
-        y, z = _tangent(steps.T[i], length, turn)
+        y, z = _tangent(steps.T[row], length, turn)
         zero = (0.0, 0.0, 0.0)
         by_length = _by_scale(y, z, (y[0] / length, y[1] / length, y[2] / length), zero, v, w)
         by_turn = _by_scale(y, z, zero, (z[0] / turn, z[1] / turn, z[2] / turn), v, w)
         R_map = transpose(R_j)
         A, B = inverse_right_jacobian(v, w)
         A, B = product(A, R_map), product(B, R_map)
+        Q, f = steps.information[steps.how[row]], weight[i]
+        h_length, h_turn = _informed(Q, f, by_length), _informed(Q, f, by_turn)
         if a >= 0:
-            _add_step(steps, i, 0, by_length, r, A, B, q, linear)
+            _add_step(a, i, 0, by_length, h_length, r, A, B, q, linear)
         if b >= 0:
-            _add_step(steps, i, 1, by_turn, r, A, B, q, linear)
+            _add_step(b, i, 1, by_turn, h_turn, r, A, B, q, linear)
         if a >= 0 and b >= 0:
-            both = _dot6(by_length, _informed(steps.information[i], by_turn))
+            both = _dot6(by_length, h_turn)
             linear.calibration[a, b] += both
             linear.calibration[b, a] += both
             linear.step_corner[i, 0, 1] = linear.step_corner[i, 1, 0] = both
@@ -279,9 +289,10 @@ def _by_scale(y: V, z: V, dy: V, dz: V, v: V, w: V) -> Six:
 
 
 @compiled
-def _informed(Q: Array, x: Six) -> Six:
-    """Q x."""
+def _informed(Q: Array, weight: float, x: Six) -> Six:
+    """weight Q x."""
     a, b, c, d, e, f = x
+    a, b, c, d, e, f = weight * a, weight * b, weight * c, weight * d, weight * e, weight * f
     return (
         Q[0, 0] * a + Q[0, 1] * b + Q[0, 2] * c + Q[0, 3] * d + Q[0, 4] * e + Q[0, 5] * f,
         Q[1, 0] * a + Q[1, 1] * b + Q[1, 2] * c + Q[1, 3] * d + Q[1, 4] * e + Q[1, 5] * f,
@@ -299,10 +310,21 @@ def _dot6(a: Six, b: Six) -> float:
 
 @compiled
 def _add_step(
-    steps: Steps, i: int, which: int, by: Six, r: Six, A: M, B: M, q: V, linear: Linear
+    column: int,
+    i: int,
+    which: int,
+    by: Six,
+    h: Six,
+    r: Six,
+    A: M,
+    B: M,
+    q: V,
+    linear: Linear,
 ) -> None:
-    """One unknown of one step. [[A, B], [0, A]]: the residual by pose i + 1, in axes of the map."""
-    column, h = steps.columns[i, which], _informed(steps.information[i], by)
+    """One unknown of one step, h = Q by.
+
+    [[A, B], [0, A]]: the residual by pose i + 1, in axes of the map.
+    """
     linear.step_corner[i, which, which] = _dot6(by, h)
     linear.calibration[column, column] += linear.step_corner[i, which, which]
     linear.calibration_gradient[column] += _dot6(r, h)

@@ -6,6 +6,7 @@ One pass along the chains factors it, one forth and one back solve it.
 from tagmap.conventions import Array
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.kernels.small import (
+    V,
     add,
     cross,
     difference_of,
@@ -127,9 +128,15 @@ def _back(L: Array, D: Array, x: Array) -> None:
 
 
 @compiled
+def lever(p: Array, t: int, T: Array, i: int) -> V:
+    """q of a sighting of tag t from pose i."""
+    return p[t, 0] - T[i, 0, 3], p[t, 1] - T[i, 1, 3], p[t, 2] - T[i, 2, 3]
+
+
+@compiled
 def poses_of(linear: Linear, L: Array, D: Array, x: Array, c: Array, u: Array) -> None:
     """u (N, 6) = A^-1 B (x, c): what the poses do when tags move by x (M, 3), calibration by c."""
-    seen, slots = linear.seen, linear.pose_calibration.shape[2]
+    p, T, seen, slots = linear.p, linear.T, linear.seen, linear.pose_calibration.shape[2]
     for i in range(len(u)):
         v, w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for k in range(linear.first[i], linear.first[i + 1]):
@@ -137,7 +144,7 @@ def poses_of(linear: Linear, L: Array, D: Array, x: Array, c: Array, u: Array) -
             W = seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]
             y = symmetric_times(W, (x[t, 0], x[t, 1], x[t, 2]))
             v = subtract(v, y)
-            w = subtract(w, cross((seen[k, 6], seen[k, 7], seen[k, 8]), y))
+            w = subtract(w, cross(lever(p, t, T, i), y))
         for a in range(3):
             u[i, a], u[i, 3 + a] = v[a], w[a]
         for s in range(slots):
@@ -150,13 +157,13 @@ def poses_of(linear: Linear, L: Array, D: Array, x: Array, c: Array, u: Array) -
 @compiled
 def scatter(linear: Linear, x: Array, by_tag: float, u: Array, out: Array, out_c: Array) -> None:
     """out (M, 3) += by_tag C x - B' u of the sightings, out_c (Q,) -= E' u of calibration."""
-    seen, slots = linear.seen, linear.pose_calibration.shape[2]
+    p, T, seen, slots = linear.p, linear.T, linear.seen, linear.pose_calibration.shape[2]
     for i in range(len(u)):
         v, w = (u[i, 0], u[i, 1], u[i, 2]), (u[i, 3], u[i, 4], u[i, 5])
         for k in range(linear.first[i], linear.first[i + 1]):
             t = linear.tag[k]
             W = seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]
-            e = add(v, cross(w, (seen[k, 6], seen[k, 7], seen[k, 8])))
+            e = add(v, cross(w, lever(p, t, T, i)))
             e = e[0] + by_tag * x[t, 0], e[1] + by_tag * x[t, 1], e[2] + by_tag * x[t, 2]
             y = symmetric_times(W, e)
             out[t, 0] += y[0]

@@ -9,7 +9,7 @@ import math
 
 from tagmap.conventions import Array
 from tagmap.estimation.kernels.small import M, V, times, transposed_times
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, inlined
 
 STEREO_PX, MONO_PX, POINT_M, RANGE_BEARING, RANGE_BEARING_PLANAR = 0, 1, 2, 3, 4
 RIG_SIZE = 30
@@ -17,7 +17,7 @@ RIG_SIZE = 30
 Four = tuple[float, float, float, float]
 
 
-@compiled
+@inlined
 def predict(form: int, rig: Array, p: V) -> tuple[bool, Four, V, V, V, V]:
     """Whether p_cam can be measured, z, and the rows of its Jacobian by the point."""
     zero = (0.0, 0.0, 0.0)
@@ -54,7 +54,7 @@ def predict(form: int, rig: Array, p: V) -> tuple[bool, Four, V, V, V, V]:
     return square > 0.0, (distance, bearing, 0.0, 0.0), along, turn, zero, zero
 
 
-@compiled
+@inlined
 def _camera(rig: Array, at: int, p: V) -> tuple[bool, float, float, V, V]:
     """Pixel and its Jacobian by the point, of the camera at rig[at:]."""
     inverse = 1.0 / p[2]
@@ -76,7 +76,7 @@ def _camera(rig: Array, at: int, p: V) -> tuple[bool, float, float, V, V]:
     return p[2] > 0.0, rig[at + 2] + fx * u, rig[at + 3] + fy * v, by_u, by_v
 
 
-@compiled
+@inlined
 def residual(form: int, predicted: Four, z: Array, k: int) -> Four:
     """predicted - z[k], bearings wrapped to [-pi, pi]."""
     a, b = predicted[0] - z[k, 0], predicted[1] - z[k, 1]

@@ -8,34 +8,40 @@ R <- exp(omega) R to first order. A point at q from the pose's origin then moves
 and a sighting needs no rotation any more once it is linearised.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
 
 from tagmap.conventions import Array, Index
+
+Short: TypeAlias = npt.NDArray[np.int32]
+"""Numbers of which there are as many as sightings: they are read with every product."""
 
 
 class Sighted(NamedTuple):
     """All K sightings, ascending by pose.
 
-    form, rig, mount, unknowns (K,): which form, which of the rigs (R, 30), which T_cam_base of
-    (U, 4, 4), which row of the calibration unknowns; pose, tag (K,); z (K, 4);
-    whiten (K, 10): lower triangle, row by row.
-    kinds, columns (u, q): what the calibration unknowns of one row are, and their places among
-    those of the problem, -1 behind the last; q is 0 where the problem has none.
+    tag, how (K,); z (K, 4). Few are measured differently: row `how` of the next three says how.
+    block, mount (U,): which block, which T_cam_base of (V, 4, 4); whiten (U, 10): lower triangle,
+    row by row.
+    form (B,), rigs (B, 30), kinds, columns (B, q): of each block, the last two of its calibration
+    unknowns: what they are, and their places among those of the problem, -1 behind the last; q is 0
+    where the problem has none.
     twist (K, 6): motion of base per second, in its own axes; empty where no time offset is an
     unknown.
-    c2 (forms,): bound of the robust cost.
+    c2 (B,): bound of the robust cost.
     """
 
-    form: Index
-    rig: Index
-    rigs: Array
-    pose: Index
-    tag: Index
-    mount: Index
-    T_cam_base: Array
+    tag: Short
+    how: Short
     z: Array
+    block: Index
+    mount: Index
     whiten: Array
-    unknowns: Index
+    T_cam_base: Array
+    form: Index
+    rigs: Array
     kinds: Index
     columns: Index
     twist: Array
@@ -43,23 +49,25 @@ class Sighted(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Odometry between poses i and i + 1 (N - 1,): `has` is 0 or 1; T (N - 1, 4, 4).
+    """Odometry: row (N - 1,) is the measured step from pose i to i + 1, -1 for none.
 
-    information (N - 1, 6, 6). columns (N - 1, 2): places of odometry scale and wheel base among the
-    calibration unknowns, -1 for none; (N - 1, 0) where no step has any.
+    T (E, 4, 4), how (E,): which of the information (U, 6, 6) a step has.
+    columns (N - 1, 2): places of odometry scale and wheel base among the calibration unknowns, -1
+    for none; (N - 1, 0) where no step has any.
     """
 
-    has: Index
+    row: Index
     T: Array
+    how: Index
     information: Array
     columns: Index
 
 
 class Linear(NamedTuple):
-    """Normal equations in axes of the map.
+    """Normal equations in axes of the map, linearised at poses T (N, 4, 4) and tags p (M, 3).
 
     first (N + 1,): the sightings of pose i are first[i]:first[i + 1]; tag (K,): of each
-    seen (K, 9), gradient (K, 3): see tagmap.estimation.kernels.sightings
+    seen (K, 6): W of each, see tagmap.estimation.kernels.sightings
     diagonal (N, 6, 6), following (N - 1, 6, 6): A_ii and A_i+1,i; pose_gradient (N, 6)
     tag_diagonal (M, 3, 3), tag_gradient (M, 3)
     pose_calibration (N, 6, s), slot_column (N, s): coupling of a pose with calibration unknowns,
@@ -70,10 +78,11 @@ class Linear(NamedTuple):
     are in the sums above already; (N - 1, 0), ... where no step has any
     """
 
+    T: Array
+    p: Array
     first: Index
-    tag: Index
+    tag: Short
     seen: Array
-    gradient: Array
     diagonal: Array
     following: Array
     pose_gradient: Array

@@ -8,6 +8,7 @@ to rounding, yet two tags meet only if they were seen within some poses of each 
 import numpy as np
 
 from tagmap.conventions import Array, Index
+from tagmap.estimation.kernels.chain import lever
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.kernels.segments import add_coupling, add_product, carry
 from tagmap.geometry.kernels.compiled import compiled
@@ -67,7 +68,9 @@ def reduce(
                 for s in range(slots):
                     Y[a, s] = linear.pose_calibration[i, a, s]
             for k in range(linear.first[i], linear.first[i + 1]):
-                add_coupling(linear.seen, k, slots + 3 * place[linear.tag[k]], Y)
+                t = linear.tag[k]
+                q = lever(linear.p, t, linear.T, i)
+                add_coupling(linear.seen, k, q, slots + 3 * place[t], Y)
             if i > 0:
                 carry(L[i], previous, used, Y)
             add_product(D[i], Y, used, Z, local)

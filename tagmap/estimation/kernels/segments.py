@@ -4,8 +4,8 @@ import numpy as np
 
 from tagmap.conventions import Array, Index
 from tagmap.estimation.kernels.calibration import slot_of
-from tagmap.estimation.kernels.chain import invert
-from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.kernels.chain import invert, lever
+from tagmap.estimation.kernels.layout import Linear, Short
 from tagmap.estimation.kernels.motion import position_of
 from tagmap.estimation.kernels.small import (
     M,
@@ -46,7 +46,7 @@ def _differs(a: Index, b: Index) -> bool:
 
 @compiled
 def incidence(
-    first: Index, tag: Index, bounds: Index, n_tags: int, start: Index, tags: Index
+    first: Index, tag: Short, bounds: Index, n_tags: int, start: Index, tags: Index
 ) -> int:
     """Distinct tags of each segment, as CSR: start (G + 1,), tags (K,) or less."""
     last = np.full(n_tags, -1, dtype=np.int64)
@@ -142,7 +142,9 @@ def eliminate(
                     q = subtract(position_of(T[i + 1]), position_of(T[i]))
                     _without_calibration_after(linear, i, q, Y)
             for k in range(linear.first[i], linear.first[i + 1]):
-                add_coupling(linear.seen, k, slots + local_of[linear.tag[k]] * 3, Y)
+                t = linear.tag[k]
+                q = lever(linear.p, t, linear.T, i)
+                add_coupling(linear.seen, k, q, slots + local_of[t] * 3, Y)
             if i > begin:
                 link = linear.following[i - 1]
                 for a in range(6):
@@ -212,10 +214,10 @@ def add_product(D: Array, Y: Array, used: int, Z: Array, local: Array) -> None:
 
 
 @compiled
-def add_coupling(seen: Array, k: int, at: int, Y: Array) -> None:
+def add_coupling(seen: Array, k: int, q: V, at: int, Y: Array) -> None:
     """What a tag does to its pose: -W, -hat(q) W, into columns at..at + 2 of Y (6, ...)."""
     W = full((seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]))
-    turned = hat_times((seen[k, 6], seen[k, 7], seen[k, 8]), W)
+    turned = hat_times(q, W)
     for a in range(3):
         for b in range(3):
             Y[a, at + b] -= W[3 * a + b]

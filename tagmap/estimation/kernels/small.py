@@ -26,6 +26,26 @@ def subtract(a: V, b: V) -> V:
 
 
 @compiled
+def scaled(f: float, a: V) -> V:
+    return f * a[0], f * a[1], f * a[2]
+
+
+@compiled
+def scaled_matrix(f: float, A: M) -> M:
+    return (
+        f * A[0],
+        f * A[1],
+        f * A[2],
+        f * A[3],
+        f * A[4],
+        f * A[5],
+        f * A[6],
+        f * A[7],
+        f * A[8],
+    )
+
+
+@compiled
 def dot(a: V, b: V) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 

@@ -1,4 +1,6 @@
-"""Odometry and sightings gathered into the block tridiagonal system of the poses."""
+"""Odometry, linearised into the block tridiagonal system of the poses."""
+
+import math
 
 from tagmap.conventions import Array
 from tagmap.estimation.kernels.layout import Linear, Steps
@@ -8,6 +10,7 @@ from tagmap.estimation.kernels.motion import (
     position_of,
     rotation_of,
 )
+from tagmap.estimation.kernels.sightings import truncated
 from tagmap.estimation.kernels.small import (
     add,
     cross,
@@ -16,6 +19,8 @@ from tagmap.estimation.kernels.small import (
     full,
     hat_times,
     product,
+    scaled,
+    scaled_matrix,
     subtract,
     sum_of,
     symmetric_times,
@@ -23,118 +28,75 @@ from tagmap.estimation.kernels.small import (
     times_hat,
     transpose,
     transposed_times,
-    upper,
 )
 from tagmap.geometry.kernels.compiled import compiled
 
 
 @compiled
-def gather_sightings(linear: Linear) -> None:
-    """Set diagonal and pose_gradient, add to tag_diagonal and tag_gradient, from all rows."""
-    seen, gradient = linear.seen, linear.gradient
-    D, g6 = linear.diagonal, linear.pose_gradient
-    by_tag, g3 = linear.tag_diagonal, linear.tag_gradient
-    for i in range(len(D)):
-        vv = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        vw = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        ww = vw
-        gv, gw = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        for k in range(linear.first[i], linear.first[i + 1]):
-            W = seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]
-            q = seen[k, 6], seen[k, 7], seen[k, 8]
-            g = gradient[k, 0], gradient[k, 1], gradient[k, 2]
-            t = linear.tag[k]
-            n = 0
-            for a in range(3):
-                g3[t, a] += g[a]
-                for b in range(a, 3):
-                    by_tag[t, a, b] += W[n]
-                    n += 1
-            vv = (
-                vv[0] + W[0],
-                vv[1] + W[1],
-                vv[2] + W[2],
-                vv[3] + W[3],
-                vv[4] + W[4],
-                vv[5] + W[5],
-            )
-            Wq = times_hat(full(W), q)
-            vw = difference_of(vw, Wq)
-            ww = difference_of(ww, hat_times(q, Wq))
-            gv, gw = subtract(gv, g), subtract(gw, cross(q, g))
-        _set(D[i], vv, vw, upper(ww))
-        for a in range(3):
-            g6[i, a], g6[i, 3 + a] = gv[a], gw[a]
-    for t in range(len(by_tag)):
-        for a in range(3):
-            for b in range(a):
-                by_tag[t, a, b] = by_tag[t, b, a]
-
-
-@compiled
-def _set(
-    D: Array,
-    vv: tuple[float, float, float, float, float, float],
-    vw: tuple[float, float, float, float, float, float, float, float, float],
-    ww: tuple[float, float, float, float, float, float],
-) -> None:
-    n = 0
-    for a in range(3):
-        for b in range(a, 3):
-            D[a, b] = D[b, a] = vv[n]
-            D[3 + a, 3 + b] = D[3 + b, 3 + a] = ww[n]
-            n += 1
-        for b in range(3):
-            D[a, 3 + b] = D[3 + b, a] = vw[3 * a + b]
-
-
-@compiled
-def linearise_steps(steps: Steps, T: Array, weight: Array, r2: Array, linear: Linear) -> float:
-    """Add odometry to diagonal and pose_gradient, set following; the cost.
+def linearise_steps(
+    steps: Steps,
+    mu: float,
+    c2: float,
+    least: float,
+    weight: Array,
+    new_weight: Array,
+    r2: Array,
+    linear: Linear,
+) -> tuple[float, float]:
+    """Add odometry to diagonal and pose_gradient, set following; the cost at old and new weights.
 
     The residual is log(T_prev_cur^-1 T_i^-1 T_i+1). Moving poses i and i + 1 as one rigid body does
     not change it, so its Hessian by pose i is that by i + 1, carried over the lever between them.
-    weight, r2 (N - 1,): of each step.
+    weight, new_weight, r2 (N - 1,): of each step; mu as for sightings, of which c2 is the bound. A
+    weight is never less than `least`: the chain must not fall apart where nothing else says how its
+    parts lie to each other. There the step is met, and counts in full.
     """
+    T = linear.T
     D, off, g6 = linear.diagonal, linear.following, linear.pose_gradient
-    cost = 0.0
-    for i in range(len(T) - 1):
-        if steps.has[i] == 0:
+    cost = new_cost = 0.0
+    for i in range(len(steps.row)):
+        row = steps.row[i]
+        if row < 0:
             off[i, :, :] = 0.0
+            new_weight[i], r2[i] = 1.0, 0.0
             continue
-        R_i, R_j, R_m = rotation_of(T[i]), rotation_of(T[i + 1]), rotation_of(steps.T[i])
+        measured = steps.T[row]
+        R_i, R_j, R_m = rotation_of(T[i]), rotation_of(T[i + 1]), rotation_of(measured)
         q = subtract(position_of(T[i + 1]), position_of(T[i]))
-        t = transposed_times(R_m, subtract(transposed_times(R_i, q), position_of(steps.T[i])))
+        t = transposed_times(R_m, subtract(transposed_times(R_i, q), position_of(measured)))
         R = product(transpose(R_m), product(transpose(R_i), R_j))
         v, w = logarithm(R, t)
-        A, B = inverse_right_jacobian(v, w)
-        R_map = transpose(R_j)
-        A, B = product(A, R_map), product(B, R_map)
-        Q = steps.information[i]
-        f = weight[i]
-        vv = f * Q[0, 0], f * Q[0, 1], f * Q[0, 2], f * Q[1, 1], f * Q[1, 2], f * Q[2, 2]
-        ww = f * Q[3, 3], f * Q[3, 4], f * Q[3, 5], f * Q[4, 4], f * Q[4, 5], f * Q[5, 5]
+        Q = steps.information[steps.how[row]]
+        vv = Q[0, 0], Q[0, 1], Q[0, 2], Q[1, 1], Q[1, 2], Q[2, 2]
+        ww = Q[3, 3], Q[3, 4], Q[3, 5], Q[4, 4], Q[4, 5], Q[5, 5]
         vw = (
-            f * Q[0, 3],
-            f * Q[0, 4],
-            f * Q[0, 5],
-            f * Q[1, 3],
-            f * Q[1, 4],
-            f * Q[1, 5],
-            f * Q[2, 3],
-            f * Q[2, 4],
-            f * Q[2, 5],
+            Q[0, 3],
+            Q[0, 4],
+            Q[0, 5],
+            Q[1, 3],
+            Q[1, 4],
+            Q[1, 5],
+            Q[2, 3],
+            Q[2, 4],
+            Q[2, 5],
         )
         s = add(symmetric_times(vv, v), times(vw, w))
         u = add(transposed_times(vw, v), symmetric_times(ww, w))
         square = dot(s, v) + dot(u, w)
-        cost += square
-        r2[i] = square / f if f > 0.0 else 0.0
+        f = weight[i] if mu < 0.0 else truncated(square, c2, mu)
+        f = max(f, least) if square < math.inf else least
+        cost += weight[i] * square
+        new_cost += f * square
+        r2[i], new_weight[i] = square, f
+        A, B = inverse_right_jacobian(v, w)
+        R_map = transpose(R_j)
+        A, B = product(A, R_map), product(B, R_map)
+        s, u = scaled(f, s), scaled(f, u)
         gv = transposed_times(A, s)
         gw = add(transposed_times(B, s), transposed_times(A, u))
         left, right = product(full(vv), A), sum_of(product(full(vv), B), product(vw, A))
         low = sum_of(product(transpose(vw), B), product(full(ww), A))
-        At, Bt = transpose(A), transpose(B)
+        At, Bt = scaled_matrix(f, transpose(A)), scaled_matrix(f, transpose(B))
         Kvv, Kvw = product(At, left), product(At, right)
         Kww = sum_of(product(Bt, right), product(At, low))
         # carried to pose i: v_j = v_i - q x omega_i
@@ -162,4 +124,4 @@ def linearise_steps(steps: Steps, T: Array, weight: Array, r2: Array, linear: Li
         turned = add(gw, cross(q, gv))
         for a in range(3):
             g6[i, 3 + a] -= turned[a]
-    return cost
+    return cost, new_cost

@@ -11,24 +11,36 @@ from typing import NamedTuple
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.estimation.kernels.chain import factor, solve
+from tagmap.estimation.kernels.chain import factor, lever, solve
 from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
 from tagmap.estimation.kernels.motion import move_all, position_of, rotation_of, rotation_vector
-from tagmap.estimation.kernels.sightings import KEEP, linearise_sightings, truncated
+from tagmap.estimation.kernels.sightings import (
+    KEEP,
+    by_point,
+    condensed,
+    linearise_sightings,
+    nothing,
+    observe,
+    set_pose,
+    truncated,
+    with_view,
+)
 from tagmap.estimation.kernels.small import (
     S,
     V,
+    add,
     dot,
     full,
     inverse,
     product,
+    scaled,
     subtract,
     symmetric_times,
+    times,
     transpose,
     upper,
 )
-from tagmap.estimation.kernels.step_weights import weigh_steps
-from tagmap.estimation.kernels.steps import gather_sightings, linearise_steps
+from tagmap.estimation.kernels.steps import linearise_steps
 from tagmap.geometry.kernels.compiled import compiled
 
 _MOST_STEPS = 30
@@ -122,7 +134,8 @@ def _first_mu(window: Window) -> float:
     worst = 0.0
     for k in range(len(window.r2)):
         if window.r2[k] < math.inf:
-            worst = max(worst, window.r2[k] / window.sighted.c2[window.sighted.form[k]])
+            bound = window.sighted.c2[window.sighted.block[window.sighted.how[k]]]
+            worst = max(worst, window.r2[k] / bound)
     return min(max(1.0 / max(2.0 * worst - 1.0, 1e-9), _BLUNTEST), _SHARPEST)
 
 
@@ -137,52 +150,53 @@ def _linearise(
     next_weight: Array,
 ) -> tuple[float, float]:
     """The poses' normal equations, each sighting's tag minimised out; costs at both weights."""
+    cost = asked = 0.0
+    whiten = window.sighted.whiten
     sighted, linear, r2 = window.sighted, window.linear, window.r2
-    k_all = len(r2)
-    none = linear.calibration_gradient
-    ones = window.ones[:k_all]
-    linearise_sightings(sighted, T, p, none, KEEP, ones, next_weight, r2, linear)
-    seen, gradient = linear.seen, linear.gradient
-    asked = cost = 0.0
-    for k in range(k_all):
-        t = sighted.tag[k]
-        W = seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]
-        g = gradient[k, 0], gradient[k, 1], gradient[k, 2]
-        if r2[k] < math.inf:
-            W, g, r2[k] = _discounted(W, g, r2[k], information[t])
-            asked += weight[k] * r2[k]
-        elif weight[k] > 0.0 and p[t, 0] == p[t, 0]:
-            asked = math.inf
-        w = weight[k]
-        if mu >= 0.0:
-            w = truncated(r2[k], sighted.c2[sighted.form[k]], math.inf if mu >= _SHARPEST else mu)
-        if not r2[k] < math.inf:
-            w = 0.0
-        else:
-            cost += w * r2[k]
-        next_weight[k] = w
-        for n in range(6):
-            seen[k, n] = w * W[n] if w > 0.0 else 0.0
-        for n in range(3):
-            gradient[k, n] = w * g[n] if w > 0.0 else 0.0
-    gather_sightings(linear)
-    step_weight = window.next_step_weight
-    asked += weigh_steps(
+    for i in range(len(T)):
+        R_base, t_base = transpose(rotation_of(T[i])), position_of(T[i])
+        sums = nothing()
+        for k in range(linear.first[i], linear.first[i + 1]):
+            t, how = sighted.tag[k], sighted.how[k]
+            mount = sighted.T_cam_base[sighted.mount[how]]
+            R = product(rotation_of(mount), R_base)
+            q = subtract((p[t, 0], p[t, 1], p[t, 2]), t_base)
+            cam, block = add(times(R, q), position_of(mount)), sighted.block[how]
+            square, r, rows = observe(
+                sighted.form[block], sighted.rigs[block], cam, 0.0, sighted.z, k, whiten, how
+            )
+            x, y, z = by_point(whiten, how, rows, R)
+            W, g = condensed(1.0, 1.0, x, y, z, r)
+            if square < math.inf:
+                W, g, square = _discounted(W, g, square, information[t])
+                asked += weight[k] * square
+            elif weight[k] > 0.0 and p[t, 0] == p[t, 0]:
+                asked = math.inf
+            w = weight[k]
+            if mu >= 0.0:
+                w = truncated(square, sighted.c2[block], math.inf if mu >= _SHARPEST else mu)
+            r2[k], next_weight[k] = square, 0.0
+            if w > 0.0 and square < math.inf:
+                cost += w * square
+                next_weight[k] = w
+                W = w * W[0], w * W[1], w * W[2], w * W[3], w * W[4], w * W[5]
+                sums = with_view(sums, W, q, scaled(w, g))
+        set_pose(linear.diagonal[i], linear.pose_gradient[i], sums)
+    asked_steps, cost_steps = linearise_steps(
         window.steps,
-        T,
         math.inf if mu >= _SHARPEST else mu,
         window.step_bound,
         window.least_step,
         window.step_weight,
-        step_weight,
+        window.next_step_weight,
         window.step_r2,
+        linear,
     )
-    cost += linearise_steps(window.steps, T, step_weight, window.step_r2, linear)
     rest = _add_hold(window, T)
     for i in range(len(T)):
         for a in range(6):
             linear.diagonal[i, a, a] += window.pins[a]
-    return asked + rest, cost + rest
+    return asked + asked_steps + rest, cost + cost_steps + rest
 
 
 @compiled
@@ -235,7 +249,7 @@ def _add_hold(window: Window, T: Array) -> float:
 
 
 @compiled
-def refit_tags(window: Window, T: Array, p: Array, information: Array, support: Array) -> None:
+def refit_tags(window: Window, p: Array, information: Array, support: Array) -> None:
     """Tags that count in the window move to where it sees them too; their information grows.
 
     By as much as is left when the poses are not taken as known. support (M,): sum of weights of all
@@ -245,10 +259,7 @@ def refit_tags(window: Window, T: Array, p: Array, information: Array, support: 
     linear.tag_diagonal[:] = 0.0
     linear.tag_gradient[:] = 0.0
     none = linear.calibration_gradient
-    linearise_sightings(
-        sighted, T, p, none, KEEP, window.weight, window.next_weight, window.r2, linear
-    )
-    gather_sightings(linear)
+    linearise_sightings(sighted, none, KEEP, window.weight, window.next_weight, window.r2, linear)
     for k in range(len(window.r2)):
         support[sighted.tag[k]] += window.next_weight[k]
     for t in range(len(p)):
@@ -282,7 +293,7 @@ def _limit_by_poses(window: Window, tag: int, own: Array) -> None:
         for k in range(linear.first[i], linear.first[i + 1]):
             if linear.tag[k] != tag or not window.next_weight[k] > 0.0:
                 continue
-            x, y, z = linear.seen[k, 6], linear.seen[k, 7], linear.seen[k, 8]
+            x, y, z = lever(linear.p, tag, linear.T, i)
             G[:, :] = 0.0
             G[0, 0] = G[1, 1] = G[2, 2] = 1.0
             G[0, 4], G[0, 5], G[1, 3] = z, -y, -z

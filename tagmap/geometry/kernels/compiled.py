@@ -19,3 +19,12 @@ def compiled(function: Function) -> Function:
     """`function`, compiled for each combination of argument types that it is called with."""
     made = numba.njit(cache=True, error_model="numpy", fastmath=RELAXED)(function)
     return cast(Function, made)
+
+
+def inlined(function: Function) -> Function:
+    """`function`, written out in its callers: where a call would cost more than what it does.
+
+    Arguments that are tuples of arrays make calls dear.
+    """
+    made = numba.njit(inline="always", error_model="numpy", fastmath=RELAXED)(function)
+    return cast(Function, made)
