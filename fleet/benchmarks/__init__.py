@@ -14,4 +14,5 @@ NAMES = (
     "constellation",
     "integrity",
     "estimation",
+    "scanner",
 )

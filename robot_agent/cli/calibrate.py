@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from robot_agent.cli.calibrate_scanner import scanner
 from tagmap.cli.options import Number
 from tagmap.errors import TagmapError
 
@@ -33,6 +34,9 @@ class BoardSize(click.ParamType[tuple[int, int]]):
 @click.group()
 def calibrate() -> None:
     """Find out what the robot must know of its own sensors."""
+
+
+calibrate.add_command(scanner)
 
 
 @calibrate.command()

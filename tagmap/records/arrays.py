@@ -13,10 +13,14 @@ from tagmap.conventions import TAG_DOF, Array, Form, Index, Kind
 from tagmap.geometry import se2, se3
 from tagmap.geometry.camera import Camera
 from tagmap.geometry.covariance import pack_upper, unpack_upper
+from tagmap.geometry.scanner.drive import Drive
+from tagmap.geometry.scanner.mirrors import PARAMETERS, Mirrors
+from tagmap.geometry.scanner.scanner import MODELS, Scanner
 from tagmap.geometry.stereo import StereoRig
 from tagmap.records.base import Vector
 from tagmap.records.keyframe import Measurement
 from tagmap.records.rig import CameraCalibration, RigCalibration
+from tagmap.records.scanner import DriveLimits, MirrorCalibration, ScannerCalibration
 from tagmap.records.transform import Transform
 
 _FIELDS: dict[Form, tuple[str, ...]] = {
@@ -101,6 +105,30 @@ def stereo_rig(calibration: RigCalibration) -> StereoRig:
         T_right_left=matrix(calibration.T_right_left),
         sigma_px=calibration.sigma_px,
     )
+
+
+def scanner(calibration: ScannerCalibration) -> Scanner:
+    return Scanner(
+        mirrors=Mirrors(*(getattr(calibration.mirrors, name) for name in PARAMETERS)),
+        T_cam_laser=matrix(calibration.T_cam_laser),
+        free=MODELS[calibration.model],
+        cov=covariance(calibration.cov),
+    )
+
+
+def drive(limits: DriveLimits) -> Drive:
+    return Drive(
+        limits_rad=np.array([limits.limits_x_rad, limits.limits_y_rad]),
+        v_per_rad=np.array(limits.v_per_rad),
+        v_at_zero=np.array(limits.v_at_zero),
+        limits_v=np.array(limits.limits_v),
+        dac_v=np.array(limits.dac_v),
+        dac_bits=limits.dac_bits,
+    )
+
+
+def mirror_record(mirrors: Mirrors) -> MirrorCalibration:
+    return MirrorCalibration(**dict(zip(PARAMETERS, mirrors.values.tolist(), strict=True)))
 
 
 def measurement_blocks(measurements: Sequence[Measurement]) -> list[MeasurementBlock]:

@@ -40,7 +40,8 @@ def volts(drive: Drive, theta: Array) -> Array:
 def nearest_steps(drive: Drive, theta: Array) -> Index:
     """(..., 2) of the converter, those nearest to theta (..., 2) that it has; theta is finite."""
     steps = np.rint((volts(drive, theta) - drive.dac_v[0]) / drive.v_per_step)
-    return np.clip(steps, 0, (1 << drive.dac_bits) - 1).astype(np.int64)
+    held: Index = np.clip(steps, 0, (1 << drive.dac_bits) - 1).astype(np.int64)
+    return held
 
 
 def angles_of(drive: Drive, steps: Index) -> Array:
