@@ -32,6 +32,7 @@ LEAST_AGREEING = 2
 MU_STEP = 4.0
 MOST_MISFITS = 0.5
 LEAST_GROWN = 1.5
+STILL = 1e-5
 JOINT_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
 
 
@@ -57,15 +58,16 @@ class _Growth:
         self._sure = FIRST_SIGMA**2 * np.eye(6)
         self._hold = _information_of(self._sure)
         self._joined = 0
+        self._behind: list[Array] = []
+        self._came_from = self._T[0]
 
     def run(self) -> Array:
         """Poses (n, D, D)."""
-        start, n, steps = 0, self._problem.n_poses, self._packed.steps
+        start, n = 0, self._problem.n_poses
         while start + 1 < n:
             stop = min(start + WINDOW, n)
-            for i in range(start + 1, stop):
-                self._T[i] = self._T[i - 1] @ steps.T[steps.row[i - 1]]
             fits = self._advance(start, stop)
+            self._bend(start)
             if start == 0 or (not fits and stop >= LEAST_GROWN * self._joined):
                 self._join(stop)
             start = stop - 1
@@ -74,16 +76,32 @@ class _Growth:
     def _advance(self, start: int, stop: int) -> bool:
         """Localise one window, of which the first pose is held, and learn from it; does it fit?"""
         window, T = self._window(start, stop), self._T[start:stop]
+        kernel.reckon(window.steps, T)
         known = np.isfinite(self._p[window.sighted.tag, 0])
         good = kernel.localise(window, T, self._p, self._information, MU_STEP)
         misfits = int((window.weight[known] < 0.5).sum())
         if good and self._place_new_tags(start, stop):
             good = kernel.localise(window, T, self._p, self._information, MU_STEP)
+        self._behind.append(window.L if good else np.zeros_like(window.L))
+        self._came_from = window.T_hold
         if good:
             kernel.refit_tags(window, self._p, self._information, self._support)
         self._forget(np.unique(window.sighted.tag))
         self._hold = _information_of(window.D[-1] if good else self._sure)
         return not good or misfits <= MOST_MISFITS * int(known.sum())
+
+    def _bend(self, last: int) -> None:
+        """Windows behind follow where the latest one has moved its first pose, which they share.
+
+        A bend left there would look like a slip.
+        """
+        T_last = self._came_from
+        for L in self._behind[-2::-1]:
+            first = last + 1 - len(L)
+            T_first = self._T[first].copy()
+            if kernel.bend(L, self._T[first : last + 1], T_last) < STILL:
+                break
+            T_last, last = T_first, first
 
     def _window(self, start: int, stop: int) -> kernel.Window:
         """Views of what is packed, and room to work on them."""

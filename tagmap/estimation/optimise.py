@@ -26,7 +26,8 @@ MANY_PRODUCTS = 25
 class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
-    mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any.
+    mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any;
+    sharp: they are so from the beginning, as the state is the optimum of nearly the same problem.
     renewals: of the preconditioner, at the first steps.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
@@ -37,6 +38,7 @@ class Options:
     mu_step: float = 4.0
     max_regroupings: int = 20
     robust: bool = True
+    sharp: bool = False
     renewals: int = 1
 
 
@@ -106,8 +108,11 @@ class Optimiser:
         if not self._options.robust:
             return point
         sighted = self._system.packed.sighted
-        c2 = sighted.c2[sighted.block[sighted.how]]
-        self._mu = robust.first_mu(point.squares.sightings, c2)
+        if self._options.sharp:
+            self._mu = robust.SHARPEST
+        else:
+            c2 = sighted.c2[sighted.block[sighted.how]]
+            self._mu = robust.first_mu(point.squares.sightings, c2)
         return self._system.at(values, point.belief, self._kernel_mu())
 
     @property
@@ -147,9 +152,15 @@ class Optimiser:
 
     def _try(self, point: Point, step: Step) -> Point:
         if step.predicted <= SHARPEN_BELOW * point.cost and self._mu > 0.0:
-            self._mu = min(self._mu * self._options.mu_step, robust.SHARPEST)
+            self._mu = self._sharper(point.belief)
         values = self._system.moved(point.values, step.poses, step.tags, step.calibration)
         return self._system.at(values, point.belief, self._kernel_mu())
+
+    def _sharper(self, belief: Belief) -> float:
+        """Where every factor is in or out already, sharper weights are the same ones."""
+        if _is_decided(belief):
+            return robust.SHARPEST
+        return min(self._mu * self._options.mu_step, robust.SHARPEST)
 
     def _count_regrouping(self, point: Point, trial: Point) -> None:
         if self._mu < 0.0 or not self._sharp:
@@ -165,3 +176,8 @@ class Optimiser:
 def _same(a: Belief, b: Belief) -> bool:
     pairs = (a.sightings, b.sightings), (a.surveyed, b.surveyed), (a.steps, b.steps)
     return all(np.array_equal(x, y) for x, y in pairs)
+
+
+def _is_decided(belief: Belief) -> bool:
+    weights = np.concatenate([belief.sightings, belief.surveyed, belief.steps])
+    return bool(((weights == 1.0) | (weights <= robust.LEAST_STEP)).all())

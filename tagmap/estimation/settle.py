@@ -94,7 +94,8 @@ def _with_motion_as_found(settled: Settled, options: Options) -> Settled:
     problem = with_motion(settled.problem, stacked.t_ns[settled.poses], state.T)
     if problem is settled.problem:
         return settled
-    return replace(settled, problem=problem, optimum=optimise(problem, state, options))
+    again = replace(options, sharp=True)
+    return replace(settled, problem=problem, optimum=optimise(problem, state, again))
 
 
 def _better(

@@ -22,6 +22,9 @@ from tagmap.estimation.verdicts import verdicts
 from tagmap.geometry.covariance import pack_upper
 from tagmap.records.tag import TagState
 
+# What is left of the cost moves the whole map by some hundredths of a sigma at most.
+ENOUGH = Options(tolerance=1e-8)
+
 
 def solve(
     sessions: Sequence[SessionData],
@@ -34,7 +37,7 @@ def solve(
     All sessions are of one kind. `clock` gives seconds, for `solve_s`.
     """
     began = clock()
-    settled = settle(stack(sessions, surveys), options or Options())
+    settled = settle(stack(sessions, surveys), options or ENOUGH)
     solution = named(settled, frame_of(settled))
     return replace(solution, solve_s=clock() - began)
 

@@ -41,13 +41,14 @@ from tagmap.estimation.kernels.small import (
     upper,
 )
 from tagmap.estimation.kernels.steps import linearise_steps
+from tagmap.estimation.robust import BLUNT, BLUNTEST, MOST, SHARPEST
 from tagmap.geometry.kernels.compiled import compiled
+
+Six = tuple[float, float, float, float, float, float]
 
 _MOST_STEPS = 30
 _SHARPEN_BELOW = 0.1
 _CONVERGED = 1e-4
-_SHARPEST = 100.0
-_BLUNTEST = 1e-4
 
 
 class Window(NamedTuple):
@@ -82,6 +83,13 @@ class Window(NamedTuple):
 
 
 @compiled
+def reckon(steps: Steps, T: Array) -> None:
+    """T (n, 4, 4) from the first one on, by odometry alone."""
+    for i in range(len(T) - 1):
+        T[i + 1] = T[i] @ steps.T[steps.row[i]]
+
+
+@compiled
 def localise(window: Window, T: Array, p: Array, information: Array, mu_step: float) -> bool:
     """Move T (n, 4, 4) to where its sightings of known tags fit best; `weight` says which do.
 
@@ -107,10 +115,10 @@ def localise(window: Window, T: Array, p: Array, information: Array, mu_step: fl
         for i in range(n):
             for a in range(6):
                 predicted -= u[i, a] * linear.pose_gradient[i, a]
-        if mu >= _SHARPEST and predicted <= _CONVERGED * max(cost, 1.0):
+        if mu >= SHARPEST and predicted <= _CONVERGED * max(cost, 1.0):
             return True
         if predicted <= _SHARPEN_BELOW * cost:
-            mu = min(mu * mu_step, _SHARPEST)
+            mu = SHARPEST if _decided(window) else min(mu * mu_step, SHARPEST)
         window.before[:] = T
         move_all(window.before, u, T)
         asked, next_cost = _linearise(window, T, p, information, mu, weight, window.next_weight)
@@ -130,13 +138,29 @@ def localise(window: Window, T: Array, p: Array, information: Array, mu_step: fl
 
 @compiled
 def _first_mu(window: Window) -> float:
-    """At which the robust cost is convex for the worst residual."""
-    worst = 0.0
-    for k in range(len(window.r2)):
-        if window.r2[k] < math.inf:
-            bound = window.sighted.c2[window.sighted.block[window.sighted.how[k]]]
-            worst = max(worst, window.r2[k] / bound)
-    return min(max(1.0 / max(2.0 * worst - 1.0, 1e-9), _BLUNTEST), _SHARPEST)
+    """As tagmap.estimation.robust.first_mu has it, of sightings whose tag is known."""
+    sighted, r2 = window.sighted, window.r2
+    ratio = np.empty(len(r2))
+    n = 0
+    for k in range(len(r2)):
+        if r2[k] < math.inf:
+            ratio[n] = r2[k] / sighted.c2[sighted.block[sighted.how[k]]]
+            n += 1
+    if n == 0:
+        return SHARPEST
+    worst = float(np.sort(ratio[:n])[math.ceil(MOST * (n - 1))])
+    return min(max(1.0 / max(2.0 * worst - 1.0, 1e-9), BLUNTEST), BLUNT)
+
+
+@compiled
+def _decided(window: Window) -> bool:
+    """Whether every factor is in or out, as sharper weights would have it too."""
+    decided = True
+    for w in window.weight:
+        decided &= w == 0.0 or w == 1.0
+    for w in window.step_weight:
+        decided &= w <= window.least_step or w == 1.0
+    return decided
 
 
 @compiled
@@ -174,7 +198,7 @@ def _linearise(
                 asked = math.inf
             w = weight[k]
             if mu >= 0.0:
-                w = truncated(square, sighted.c2[block], math.inf if mu >= _SHARPEST else mu)
+                w = truncated(square, sighted.c2[block], math.inf if mu >= SHARPEST else mu)
             r2[k], next_weight[k] = square, 0.0
             if w > 0.0 and square < math.inf:
                 cost += w * square
@@ -184,7 +208,7 @@ def _linearise(
         set_pose(linear.diagonal[i], linear.pose_gradient[i], sums)
     asked_steps, cost_steps = linearise_steps(
         window.steps,
-        math.inf if mu >= _SHARPEST else mu,
+        math.inf if mu >= SHARPEST else mu,
         window.step_bound,
         window.least_step,
         window.step_weight,
@@ -231,12 +255,36 @@ def _discounted(W: S, g: V, square: float, known: Array) -> tuple[S, V, float]:
 
 
 @compiled
+def bend(L: Array, T: Array, T_last: Array) -> float:
+    """T (n, 4, 4) but for the last one, which has come from T_last, follow it; how far T[0] does.
+
+    What they saw holds them back: L (n, 6, 6) is that of their factor.
+    """
+    n = len(T)
+    step = np.zeros((n, 6))
+    for a, value in enumerate(_way(T_last, T[n - 1])):
+        step[n - 1, a] = value
+    for i in range(n - 2, -1, -1):
+        for a in range(6):
+            for b in range(6):
+                step[i, a] -= L[i + 1, b, a] * step[i + 1, b]
+    move_all(T[: n - 1].copy(), step, T[: n - 1])
+    return float(np.abs(step[0]).max())
+
+
+@compiled
+def _way(T: Array, T_new: Array) -> Six:
+    """From one pose to another, (v, omega) along the axes of the map."""
+    v = subtract(position_of(T_new), position_of(T))
+    w = rotation_vector(product(rotation_of(T_new), transpose(rotation_of(T))))
+    return v[0], v[1], v[2], w[0], w[1], w[2]
+
+
+@compiled
 def _add_hold(window: Window, T: Array) -> float:
     """What is known of the first pose beforehand."""
     linear, hold = window.linear, window.hold
-    turn = rotation_vector(product(rotation_of(T[0]), transpose(rotation_of(window.T_hold))))
-    shift = subtract(position_of(T[0]), position_of(window.T_hold))
-    error = shift[0], shift[1], shift[2], turn[0], turn[1], turn[2]
+    error = _way(window.T_hold, T[0])
     cost = 0.0
     for a in range(6):
         pull = 0.0
