@@ -32,7 +32,7 @@ LEAST_AGREEING = 2
 MU_STEP = 4.0
 MOST_MISFITS = 0.5
 LEAST_GROWN = 1.5
-STILL = 1e-5
+BENT = 0.5
 JOINT_OPTIONS = Options(max_iterations=30, tolerance=1e-4, mu_step=4.0, max_regroupings=2)
 
 
@@ -93,13 +93,15 @@ class _Growth:
     def _bend(self, last: int) -> None:
         """Windows behind follow where the latest one has moved its first pose, which they share.
 
-        A bend left there would look like a slip.
+        Where it has not moved so far that the bend would look like a slip, it can stay.
         """
-        T_last = self._came_from
+        T_last, steps = self._came_from, self._packed.steps
+        bound = BENT * robust.step_bound(self._problem.pose_dof)
         for L in self._behind[-2::-1]:
             first = last + 1 - len(L)
             T_first = self._T[first].copy()
-            if kernel.bend(L, self._T[first : last + 1], T_last) < STILL:
+            T = self._T[first : last + 1]
+            if not kernel.bend(L, T, T_last, steps.information[last - 1], bound):
                 break
             T_last, last = T_first, first
 

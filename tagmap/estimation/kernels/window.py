@@ -38,6 +38,7 @@ from tagmap.estimation.kernels.small import (
     symmetric_times,
     times,
     transpose,
+    transposed_times,
     upper,
 )
 from tagmap.estimation.kernels.steps import linearise_steps
@@ -255,12 +256,15 @@ def _discounted(W: S, g: V, square: float, known: Array) -> tuple[S, V, float]:
 
 
 @compiled
-def bend(L: Array, T: Array, T_last: Array) -> float:
-    """T (n, 4, 4) but for the last one, which has come from T_last, follow it; how far T[0] does.
+def bend(L: Array, T: Array, T_last: Array, information: Array, bound: float) -> bool:
+    """T (n, 4, 4) but for the last one, which has come from T_last, follow it; False: no need.
 
+    That is where the last step, of information (6, 6), has come to miss by less than bound chi2.
     What they saw holds them back: L (n, 6, 6) is that of their factor.
     """
     n = len(T)
+    if n < 2 or _square(information, _way(T_last, T[n - 1]), T[n - 1]) < bound:
+        return False
     step = np.zeros((n, 6))
     for a, value in enumerate(_way(T_last, T[n - 1])):
         step[n - 1, a] = value
@@ -269,7 +273,21 @@ def bend(L: Array, T: Array, T_last: Array) -> float:
             for b in range(6):
                 step[i, a] -= L[i + 1, b, a] * step[i + 1, b]
     move_all(T[: n - 1].copy(), step, T[: n - 1])
-    return float(np.abs(step[0]).max())
+    return True
+
+
+@compiled
+def _square(information: Array, way: Six, T: Array) -> float:
+    """chi2 of a way along the axes of the map by an information in axes of T."""
+    R = rotation_of(T)
+    v = transposed_times(R, (way[0], way[1], way[2]))
+    w = transposed_times(R, (way[3], way[4], way[5]))
+    e = v[0], v[1], v[2], w[0], w[1], w[2]
+    square = 0.0
+    for a in range(6):
+        for b in range(6):
+            square += information[a, b] * e[a] * e[b]
+    return square
 
 
 @compiled
