@@ -101,7 +101,8 @@ class _Growth:
             first = last + 1 - len(L)
             T_first = self._T[first].copy()
             T = self._T[first : last + 1]
-            if not kernel.bend(L, T, T_last, steps.information[last - 1], bound):
+            information = steps.information[steps.how[steps.row[last - 1]]]
+            if not kernel.bend(L, T, T_last, information, bound):
                 break
             T_last, last = T_first, first
 
