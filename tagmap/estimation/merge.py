@@ -11,6 +11,7 @@ from tagmap.estimation.problem import lie
 from tagmap.geometry.alignment import align
 
 MOST_SAMPLES = 300
+MOST_JUDGES = 100
 MOST_BENT = 0.1
 SEED = 20
 
@@ -40,6 +41,12 @@ def least_shared(kind: Kind) -> int:
     return TAG_DOF[kind]
 
 
+def determines_frame(kind: Kind, local: LocalMap) -> bool:
+    """Enough tags, not in line, to lay another map onto this one."""
+    enough = len(local.tags) >= least_shared(kind)
+    return enough and align(local.p, local.p, sigma_m=float(local.sigma.min())).determined
+
+
 def align_maps(kind: Kind, local: LocalMap, target: LocalMap) -> Alignment | None:
     """Robust rigid alignment by least median of squares (Rousseeuw 1984), then on the inliers.
 
@@ -52,21 +59,32 @@ def align_maps(kind: Kind, local: LocalMap, target: LocalMap) -> Alignment | Non
         return None
     a, b = local.p[i], target.p[j]
     sigma = np.hypot(local.sigma[i], target.sigma[j])
-    samples = _samples(len(shared), least_shared(kind))
-    T_b_a = _frames(b[samples]) @ lie(kind).inverse(_frames(a[samples]))
-    moved = lie(kind).act(T_b_a[:, None], a)
-    error = np.linalg.norm(moved - b, axis=2) / sigma
-    covered = (len(shared) + least_shared(kind) + 1) // 2
-    score = np.sort(error, axis=1)[:, covered - 1]
-    best = int(np.argmin(np.where(np.isnan(score), np.inf, score)))
+    T_b_a, score = _best_of_samples(kind, a, b, sigma)
     size = np.sqrt(np.square(b - b.mean(axis=0)).sum(axis=1).mean())
-    bound = np.minimum(2.5 * 1.4826 * score[best], MOST_BENT * size / sigma)
-    agreeing = error[best] <= np.maximum(3.0, bound)
+    bound = np.minimum(2.5 * 1.4826 * score, MOST_BENT * size / sigma)
+    error = np.linalg.norm(lie(kind).act(T_b_a, a) - b, axis=1) / sigma
+    agreeing = error <= np.maximum(3.0, bound)
     n = int(agreeing.sum())
     if n < len(shared) and (n <= least_shared(kind) or 2 * n <= len(shared)):
         return None
     fit = align(a[agreeing], b[agreeing], sigma[agreeing] ** -2.0, sigma.min())
     return Alignment(fit.T_b_a, n) if fit.determined else None
+
+
+def _best_of_samples(kind: Kind, a: Array, b: Array, sigma: Array) -> tuple[Array, float]:
+    """T_b_a (D, D) and the error that half of the points stay below, judged by MOST_JUDGES."""
+    samples = _samples(len(a), least_shared(kind))
+    T_b_a = _frames(b[samples]) @ lie(kind).inverse(_frames(a[samples]))
+    judges: Index | slice = slice(None)
+    if len(a) > MOST_JUDGES:
+        judges = np.random.default_rng(SEED).permutation(len(a))[:MOST_JUDGES]
+    moved = lie(kind).act(T_b_a[:, None], a[judges])
+    error = np.linalg.norm(moved - b[judges], axis=2) / sigma[judges]
+    covered = (error.shape[1] + least_shared(kind) + 1) // 2
+    score = np.partition(error, covered - 1, axis=1)[:, covered - 1]
+    score = np.where(np.isnan(error).any(axis=1), np.inf, score)
+    best = int(np.argmin(score))
+    return T_b_a[best], float(score[best])
 
 
 def _samples(n: int, size: int) -> Index:

@@ -1,14 +1,16 @@
 """Which odometry chains hang together, and where they lie: best fit first."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
 from tagmap.conventions import Array, Index, Kind
-from tagmap.estimation.merge import Alignment, LocalMap, align_maps, least_shared
+from tagmap.estimation.merge import Alignment, LocalMap, align_maps, determines_frame
 from tagmap.estimation.problem import lie
-from tagmap.geometry.alignment import align
+
+LEAST_GROWN = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,80 +39,123 @@ class Part:
         return [Placed(one.chain, T_map_part @ one.T_map_chain) for one in self.placed]
 
 
+Join: TypeAlias = Callable[[list[Placed]], tuple[list[Placed], LocalMap]]
+
+
 def component(
-    kind: Kind, chains: list[Chain], survey: LocalMap | None
+    kind: Kind, chains: list[Chain], survey: LocalMap | None, join: Join | None = None
 ) -> tuple[list[Placed], bool]:
     """The chains that hang together with the gauge, and whether the gauge is the survey.
 
     Parts that fit onto the surveyed tags, or onto parts that do, lie in the survey's frame. Without
     a survey, or where nothing fits it, the part with most tags is taken in its own frame.
+    join: brings chains that are laid, as stiff as they came, to where all of them fit best.
     """
-    parts = _parts(kind, chains)
+    parts = _parts(kind, chains, join)
     if survey is not None:
-        anchored = _Growing(kind, parts, survey).placed
+        anchored = _Laying(kind, survey, parts).run()
         if anchored or not parts:
             return [one for part, T in anchored for one in part.moved(T)], True
     largest = max(parts, key=lambda part: len(part.local.tags), default=None)
     return ([] if largest is None else largest.placed), False
 
 
-def _parts(kind: Kind, chains: list[Chain]) -> list[Part]:
+def _parts(kind: Kind, chains: list[Chain], join: Join | None) -> list[Part]:
     """Each begins with the first chain that determines a frame and is in no part yet."""
     parts = []
     waiting = list(chains)
     while waiting:
         seed, *waiting = waiting
         if determines_frame(kind, seed.local):
-            grown = _Growing(kind, waiting, seed.local)
-            waiting = grown.waiting
-            members = [(seed, np.eye(seed.T.shape[-1])), *grown.placed]
-            parts.append(Part([Placed(chain, T) for chain, T in members], grown.target))
+            part = _Part(kind, seed, waiting, join)
+            waiting = part.laying.waiting
+            parts.append(Part(part.placed, part.laying.target))
     return parts
+
+
+class _Part:
+    """Chains laid onto a seed, joined each time there are LEAST_GROWN times as many poses."""
+
+    def __init__(self, kind: Kind, seed: Chain, waiting: list[Chain], join: Join | None) -> None:
+        self.placed = [Placed(seed, np.eye(seed.T.shape[-1]))]
+        self.laying = _Laying(kind, seed.local, waiting)
+        joined = self._n_poses
+        while laid := self.laying.lay():
+            self.placed += [Placed(chain, T) for chain, T in laid]
+            if join is not None and self._n_poses >= LEAST_GROWN * joined:
+                joined = self._n_poses
+                self.placed, self.laying.target = join(self.placed)
+        if join is not None and self._n_poses > joined:
+            self.placed, self.laying.target = join(self.placed)
+
+    @property
+    def _n_poses(self) -> int:
+        return sum(len(one.chain.poses) for one in self.placed)
 
 
 Body = TypeVar("Body", Chain, Part)
 
 
-def determines_frame(kind: Kind, local: LocalMap) -> bool:
-    """Enough tags, not in line, to lay another map onto this one."""
-    enough = len(local.tags) >= least_shared(kind)
-    return enough and align(local.p, local.p, sigma_m=float(local.sigma.min())).determined
-
-
-class _Growing(Generic[Body]):
-    """`target` and the bodies that could be `placed` on it, those with most agreeing tags first.
+class _Laying(Generic[Body]):
+    """`target` and the bodies that wait to be laid onto it, those with most agreeing tags first.
 
     A tag keeps the position that the first body gave it. What does not fit stays in `waiting`.
     """
 
-    def __init__(self, kind: Kind, waiting: list[Body], target: LocalMap) -> None:
-        self._kind = kind
-        self.waiting: list[Body] = waiting
-        self.target = target
-        self.placed: list[tuple[Body, Array]] = []
-        fits = [align_maps(kind, body.local, target) for body in waiting]
-        while any(fits):
-            fits = self._place_best(fits)
+    def __init__(self, kind: Kind, target: LocalMap, waiting: list[Body]) -> None:
+        self._kind, self._target = kind, target
+        self._waiting: dict[int, Body] = dict(enumerate(waiting))
+        self._fits: dict[int, Alignment | None] = {}
 
-    def _place_best(self, fits: list[Alignment | None]) -> list[Alignment | None]:
-        """Place all bodies of the best rank; return the fits of those that still wait."""
-        known = self.target.tags
-        most = max(fit.agreeing for fit in fits if fit)
-        left: list[tuple[Body, Alignment | None]] = []
-        for body, fit in zip(self.waiting, fits, strict=True):
-            if fit and fit.agreeing == most:
-                self.placed.append((body, fit.T))
-                self.target = _with_new_tags(self._kind, self.target, body.local, fit.T)
-            else:
-                left.append((body, fit))
-        self.waiting = [body for body, _ in left]
-        new = np.setdiff1d(self.target.tags, known)
-        return [
-            align_maps(self._kind, body.local, self.target)
-            if np.isin(body.local.tags, new).any()
-            else fit
-            for body, fit in left
-        ]
+    @property
+    def waiting(self) -> list[Body]:
+        return list(self._waiting.values())
+
+    @property
+    def target(self) -> LocalMap:
+        return self._target
+
+    @target.setter
+    def target(self, target: LocalMap) -> None:
+        self._target, self._fits = target, {}
+
+    def run(self) -> list[tuple[Body, Array]]:
+        """All that can be laid, and where."""
+        laid: list[tuple[Body, Array]] = []
+        while more := self.lay():
+            laid += more
+        return laid
+
+    def lay(self) -> list[tuple[Body, Array]]:
+        """All bodies of the best rank; none where nothing fits any more."""
+        best = self._best()
+        known = self._target.tags
+        laid = [(self._waiting.pop(i), fit.T) for i, fit in best]
+        for body, T in laid:
+            self._target = _with_new_tags(self._kind, self._target, body.local, T)
+        new = np.setdiff1d(self._target.tags, known)
+        self._fits = {
+            i: self._fits[i]
+            for i, body in self._waiting.items()
+            if i in self._fits and not np.isin(body.local.tags, new).any()
+        }
+        return laid
+
+    def _best(self) -> list[tuple[int, Alignment]]:
+        """No more tags can agree than are shared: bodies that share too few are not looked at."""
+        shared = {
+            i: np.isin(body.local.tags, self._target.tags).sum()
+            for i, body in self._waiting.items()
+        }
+        most = 1
+        for i in sorted(shared, key=lambda i: (-shared[i], i)):
+            if shared[i] < most:
+                break
+            if i not in self._fits:
+                self._fits[i] = align_maps(self._kind, self._waiting[i].local, self._target)
+            fit = self._fits[i]
+            most = max(most, fit.agreeing if fit else 0)
+        return [(i, fit) for i, fit in sorted(self._fits.items()) if fit and fit.agreeing == most]
 
 
 def _with_new_tags(kind: Kind, target: LocalMap, local: LocalMap, T: Array) -> LocalMap:

@@ -39,6 +39,12 @@ class Points:
         part = self.take(slice(int(start), int(stop)))
         return replace(part, pose=part.pose - first)
 
+    def among(self, poses: Index) -> "Points":
+        """The points of `poses`, ascending, which are then numbered in that order."""
+        at = np.minimum(np.searchsorted(poses, self.pose), len(poses) - 1)
+        kept = np.flatnonzero(poses[at] == self.pose)
+        return replace(self.take(kept), pose=at[kept])
+
     def take(self, keep: Index | slice) -> "Points":
         return Points(*(getattr(self, name)[keep] for name in _FIELDS))
 

@@ -1,23 +1,23 @@
 """Start values from nothing, and what sightings determine of poses and tags at all.
 
-Each odometry chain is grown by itself; the chains that share tags are then laid onto each other.
+Each odometry chain is grown by itself; the chains that share tags are then laid onto each other,
+and solved jointly as their number grows.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from tagmap.conventions import Array, Index, Kind, Mask
+from tagmap.conventions import Array, Index, Mask
 from tagmap.estimation.growth import grow
-from tagmap.estimation.merge import MOST_BENT, LocalMap, align_maps, least_shared
-from tagmap.estimation.placing import Chain, Placed, component, determines_frame
-from tagmap.estimation.points import Points, TagFit, fit_tags, points_of
+from tagmap.estimation.joining import Joining
+from tagmap.estimation.local_maps import LEAST_SIGMA_M, local_map
+from tagmap.estimation.merge import LocalMap, align_maps, determines_frame, least_shared
+from tagmap.estimation.placing import Chain, Join, Placed, component
+from tagmap.estimation.points import Points, fit_tags, points_of
 from tagmap.estimation.problem import Problem, lie
 from tagmap.estimation.restrict import without_calibration, without_surveys
 
-LEAST_SIGMA_M = 0.01
-LEAST_AGREEING = 2
-LEAST_SHARE = 0.3
 PIECE = 30
 LEAST_SPARE = 2
 LEAST_SURVEYED = 3
@@ -50,7 +50,8 @@ def start_from(problem: Problem, chain: Index, points: Points) -> Start:
         chain_of(points, poses, grow(robots, points, poses), problem.n_tags)
         for poses in _split(chain)
     ]
-    return _with_pieces(problem, points, chains, _hanging_together(problem, points, chains))
+    start = _hanging_together(problem, points, chains, Joining(robots, points))
+    return _with_pieces(problem, points, chains, start)
 
 
 def start_at(problem: Problem, chain: Index, T: Array) -> Start:
@@ -83,36 +84,13 @@ def _split(chain: Index) -> list[Index]:
 
 def chain_of(points: Points, poses: Index, T: Array, n_tags: int) -> Chain:
     """A chain at T (n, D, D) of its own frame, and where that puts the tags it sees."""
-    own = points.of_poses(poses[0], poses[-1])
-    fit = fit_tags(own, T, n_tags)
-    tags = np.flatnonzero(fit.determined)
-    cov = np.linalg.inv(fit.information[tags])
-    sigma = np.maximum(np.sqrt(np.trace(cov, axis1=1, axis2=2)), LEAST_SIGMA_M)
-    local = LocalMap(tags, fit.p[tags], sigma)
-    sure = local.take(_sure(own, T, fit)[tags])
-    kind: Kind = "planar" if own.p_base.shape[1] == 2 else "spatial"
-    return Chain(poses, T, sure if determines_frame(kind, sure) else local)
+    return Chain(poses, T, local_map(points.of_poses(poses[0], poses[-1]), T, n_tags))
 
 
-def _sure(points: Points, T: Array, fit: TagFit) -> Mask:
-    """Tags (M,) at whose place several of their points are, and not too small a share.
-
-    Names that a chain only ever gave to other tags would outvote those that it saw. Chains may be
-    bent, so what is near is judged by the size of the map.
-    """
-    p = fit.p[fit.determined]
-    size = np.sqrt(np.square(p - np.median(p, axis=0)).sum(axis=1).mean()) if len(p) else 0.0
-    square = points.distances(T[points.pose], fit.p)
-    near = square <= MOST_BENT**2 * size**2 * np.trace(points.information, axis1=1, axis2=2)
-    n_tags = len(fit.p)
-    agreeing = np.bincount(points.tag[near], minlength=n_tags)
-    seen = np.bincount(points.tag, minlength=n_tags)
-    sure: Mask = agreeing >= np.maximum(LEAST_AGREEING, LEAST_SHARE * seen)
-    return sure
-
-
-def _hanging_together(problem: Problem, points: Points, chains: list[Chain]) -> Start:
-    members, anchored = component(problem.kind, chains, survey_map(problem))
+def _hanging_together(
+    problem: Problem, points: Points, chains: list[Chain], join: Join | None = None
+) -> Start:
+    members, anchored = component(problem.kind, chains, survey_map(problem), join)
     return _with_tags(problem, points, *_poses(problem, members), anchored)
 
 

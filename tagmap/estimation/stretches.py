@@ -11,10 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array, Index, Mask
+from tagmap.estimation.local_maps import LEAST_SIGMA_M
 from tagmap.estimation.merge import LocalMap, align_maps, least_shared
 from tagmap.estimation.points import Points, fit_tags
 from tagmap.estimation.problem import Problem, lie
-from tagmap.estimation.start import LEAST_SIGMA_M, Start
+from tagmap.estimation.start import Start
 
 LEAST_RUN = 8
 LEAST_POSES = 3
