@@ -55,14 +55,20 @@ def start_from(problem: Problem, chain: Index, points: Points) -> Start:
 
 
 def start_at(problem: Problem, chain: Index, T: Array) -> Start:
-    """What the factors of `problem` determine where the poses T (N, D, D) are already known."""
-    return start_with(problem, chain, T, points_of(without_calibration(problem)))
+    """The same where the poses T (N, D, D) of each chain are known, in a frame of its own."""
+    points = points_of(without_calibration(problem))
+    robots = without_surveys(without_calibration(problem))
+    return _hanging_together(
+        problem, points, _chains(problem, chain, T, points), Joining(robots, points)
+    )
 
 
 def start_with(problem: Problem, chain: Index, T: Array, points: Points) -> Start:
-    """The same; `points` are those of its sightings that are to be believed."""
-    chains = [chain_of(points, poses, T[poses], problem.n_tags) for poses in _split(chain)]
-    return _hanging_together(problem, points, chains)
+    """What the factors of `problem` determine where the poses T (N, D, D) are already known.
+
+    `points` are those of its sightings that are to be believed.
+    """
+    return _hanging_together(problem, points, _chains(problem, chain, T, points))
 
 
 def survey_map(problem: Problem) -> LocalMap | None:
@@ -80,6 +86,10 @@ def _split(chain: Index) -> list[Index]:
     if not len(chain):
         return []
     return np.split(np.arange(len(chain)), np.flatnonzero(np.diff(chain)) + 1)
+
+
+def _chains(problem: Problem, chain: Index, T: Array, points: Points) -> list[Chain]:
+    return [chain_of(points, poses, T[poses], problem.n_tags) for poses in _split(chain)]
 
 
 def chain_of(points: Points, poses: Index, T: Array, n_tags: int) -> Chain:

@@ -4,19 +4,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tagmap.conventions import Array, Index
 from tagmap.errors import DegenerateError
 from tagmap.estimation.optimise import Optimum, Options, optimise
-from tagmap.estimation.points import Points, fit_tags, points_of
-from tagmap.estimation.problem import Problem, State, lie
+from tagmap.estimation.points import fit_tags, points_of
+from tagmap.estimation.problem import State, lie
 from tagmap.estimation.residuals import Residuals
-from tagmap.estimation.restrict import restrict
-from tagmap.estimation.start import start_at, start_from_nothing
+from tagmap.estimation.start import Start, start_at
+from tagmap.exchange.graph_growth import PLAIN, ROBUST, WIDE, grown, widened
 from tagmap.exchange.graph_problem import Posed
+from tagmap.exchange.graph_robust import INLIER_WEIGHT, robust_optimum
 
-FIRST_POSES = 50
-GROWTH = 1.25
-GROWING = Options(robust=False, tolerance=1e-3, max_iterations=20)
+HALFWAY = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +35,10 @@ def solve_posed(posed: Posed, from_file: bool, robust: bool) -> SolvedGraph:
         with np.errstate(all="ignore"):
             start = posed.given if from_file and posed.given else from_nothing(posed, robust)
             still = optimise(posed.problem, start, Options(robust=False, max_iterations=0))
-            optimum = optimise(posed.problem, start, Options(robust=robust))
+            if robust:
+                optimum = robust_optimum(posed.problem, posed.chain, start)
+            else:
+                optimum = optimise(posed.problem, start, Options(robust=False))
     except np.linalg.LinAlgError as error:
         raise DegenerateError(f"the graph cannot be solved: {error}") from None
     initial, final = chi2(still.residuals), chi2(optimum.residuals)
@@ -60,14 +61,21 @@ def from_nothing(posed: Posed, robust: bool) -> State:
     """Start values from the edges alone; DegenerateError names a pose they do not determine."""
     problem, chain = posed.problem, posed.chain
     if robust:
-        start = start_from_nothing(problem, chain)
+        problem = widened(problem, WIDE)
+    T = grown(problem, chain, ROBUST if robust else PLAIN)
+    if chain[-1] == 0:
+        # Needs no landmarks to hang together.
+        state = State(T, fit_tags(points_of(problem), T, problem.n_tags).p, np.zeros(0))
     else:
-        T = _grown(problem, chain)
-        if chain[-1] == 0:
-            # Needs no landmarks to hang together.
-            p = fit_tags(points_of(problem), T, problem.n_tags).p
-            return State(T, p, np.zeros(0))
         start = start_at(problem, chain, T)
+        _check_determined(posed, start)
+        state = State(start.T, start.p, np.zeros(0))
+    if robust:
+        state = optimise(widened(posed.problem, HALFWAY), state, Options()).state
+    return state
+
+
+def _check_determined(posed: Posed, start: Start) -> None:
     for what, ids, there in (
         ("pose", posed.poses, start.placed),
         ("landmark", posed.tags, start.mapped),
@@ -78,41 +86,6 @@ def from_nothing(posed: Posed, robust: bool) -> State:
                 f"{what} {lost[0]} is not determined, {len(lost)} in all; "
                 "expected chains that share enough landmarks"
             )
-    return State(start.T, start.p, np.zeros(0))
-
-
-def _grown(problem: Problem, chain: Index) -> Array:
-    """(N, D, D): every chain in the frame of its first pose, or as it is where it has but one."""
-    T = np.tile(np.eye(problem.tag_dof + 1), (problem.n_poses, 1, 1))
-    points = points_of(problem)
-    for poses in np.split(np.arange(len(chain)), np.flatnonzero(np.diff(chain)) + 1):
-        part = restrict(problem, poses, np.arange(problem.n_tags))
-        T[poses] = _grown_chain(part, points.of_poses(poses[0], poses[-1]))
-    return T
-
-
-def _grown_chain(problem: Problem, points: Points) -> Array:
-    """Everything up to some pose at once, then up to a quarter more, until the chain is whole.
-
-    Every edge is believed: what would be an outlier to a short piece may be its loop that closes.
-    """
-    n, T = problem.n_poses, np.tile(np.eye(problem.tag_dof + 1), (problem.n_poses, 1, 1))
-    p = np.full((problem.n_tags, problem.tag_dof), np.nan)
-    done = 1
-    while done < n:
-        stop = min(max(done + FIRST_POSES, int(GROWTH * done)), n)
-        for i in range(done, stop):
-            T[i] = T[i - 1] @ problem.odometry.T[i - 1]
-        seen = points.of_poses(0, stop - 1)
-        new = seen.take(np.flatnonzero(np.isnan(p[seen.tag, 0])))
-        fit = fit_tags(new, T, problem.n_tags)
-        p[fit.determined] = fit.p[fit.determined]
-        known = np.flatnonzero(np.isfinite(p[:, 0]))
-        part = restrict(problem, np.arange(stop), known)
-        state = optimise(part, State(T[:stop], p[known], np.zeros(0)), GROWING).state
-        T[:stop], p[known] = state.T, state.p
-        done = stop
-    return T
 
 
 def _as_held(posed: Posed, state: State) -> State:
@@ -125,4 +98,4 @@ def _as_held(posed: Posed, state: State) -> State:
 
 
 def _rejected(optimum: Optimum) -> int:
-    return sum(int((w < 0.5).sum()) for w in optimum.weights.sightings)
+    return sum(int((w < INLIER_WEIGHT).sum()) for w in optimum.weights.sightings)
