@@ -1,5 +1,7 @@
 """Solving graph files: the optimum from every start, in the frame of the file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from tagmap.errors import DegenerateError
 from tagmap.exchange.g2o import write_g2o
 from tagmap.exchange.graph_file import read_graph
 from tagmap.exchange.graph_problem import problem_of, solved_graph
+from tagmap.exchange.graph_robust import robust_optimum, truncated_cost
 from tagmap.exchange.graph_solve import solve_posed
 from tagmap.geometry import se2
 from tests.exchange.graphs import planar, spatial, write
@@ -74,7 +77,32 @@ def test_the_result_is_its_own_optimum(tmp_path, world):
 
 
 def test_a_loop_that_dead_reckoning_misses(tmp_path):
-    """Three turns of a ring whose odometry turns too little by a radian in the end."""
+    vertices, near = _bent_ring()
+    _, _, one = solve(tmp_path, vertices, near)
+    _, _, two = solve(tmp_path, vertices, near, from_file=False)
+    assert two.chi2_final == pytest.approx(one.chi2_final, rel=1e-8)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1])
+def test_a_loop_that_dead_reckoning_misses_among_wrong_landmarks(tmp_path, share):
+    """The edges that close it are few and far off, as wrong ones are."""
+    vertices, near = _bent_ring()
+    rng = np.random.default_rng(2)
+    wrong = 0
+    for i, line in enumerate(near):
+        name, pose, tag, *rest = line.split()
+        if name == "EDGE_SE2_XY" and rng.random() < share:
+            other = 600 + (int(tag) - 600 + rng.integers(1, 40)) % 40
+            near[i] = " ".join([name, pose, str(other), *rest])
+            wrong += 1
+    _, _, one = solve(tmp_path, vertices, near, robust=True)
+    _, _, two = solve(tmp_path, vertices, near, from_file=False, robust=True)
+    assert one.rejected == two.rejected == wrong
+    np.testing.assert_allclose(two.state.T, one.state.T, atol=1e-4)
+
+
+def _bent_ring():
+    """A ring whose odometry turns too little, by a radian in the end: true vertices, edges."""
     vertices, edges, _ = planar(n=600, tags=40)
     turned = []
     for line in edges:
@@ -83,10 +111,7 @@ def test_a_loop_that_dead_reckoning_misses(tmp_path):
             numbers[2] = repr(float(numbers[2]) - 1.0 / 600)
             numbers[-1] = "1e5"
         turned.append(" ".join([name, a, b, *numbers]))
-    near = [line for line in turned if line.startswith("EDGE_SE2 ") or _is_near(line)]
-    _, _, one = solve(tmp_path, vertices, near)
-    _, _, two = solve(tmp_path, vertices, near, from_file=False)
-    assert two.chi2_final == pytest.approx(one.chi2_final, rel=1e-8)
+    return vertices, [line for line in turned if line.startswith("EDGE_SE2 ") or _is_near(line)]
 
 
 def _is_near(line):
@@ -169,3 +194,25 @@ def test_victoria_park_from_nothing(recorded_data):
     assert (posed.problem.n_poses, posed.problem.n_tags) == (6969, 151)
     assert solved.converged
     assert solved.chi2_final <= 6184.2
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("seed", "share"), [(0, 0.0), (5, 0.1), (11, 0.3)])
+def test_victoria_park_from_nothing_among_wrong_names(recorded_data, seed, share):
+    """As good as from the optimum of the right names."""
+    posed = problem_of(read_graph(recorded_data / "victoria_park" / "gtsam_victoria_park.txt.xz"))
+    best = solve_posed(posed, from_file=False, robust=False).state
+    posed = _renamed(posed, share, np.random.default_rng(seed))
+    oracle = robust_optimum(posed.problem, posed.chain, best)
+    solved = solve_posed(posed, from_file=False, robust=True)
+    found = robust_optimum(posed.problem, posed.chain, solved.state)
+    lowest = truncated_cost(posed.problem, oracle)
+    assert truncated_cost(posed.problem, found) <= 1.01 * lowest
+
+
+def _renamed(posed, share, rng):
+    (block,) = posed.problem.sightings
+    wrong = (rng.random(len(block)) < share) & (np.bincount(block.tag)[block.tag] > 5)
+    shift = rng.integers(1, posed.problem.n_tags, len(block))
+    tag = np.where(wrong, (block.tag + shift) % posed.problem.n_tags, block.tag)
+    return replace(posed, problem=replace(posed.problem, sightings=(replace(block, tag=tag),)))

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from fleet.benchmarks.estimation import world as estimation_world
 from fleet.benchmarks.estimation.process import STARTS, Start
 from fleet.benchmarks.estimation.starts import start
 from fleet.benchmarks.estimation.world import Size, World, make
+from tagmap.estimation.start import start_from_nothing
 from tagmap.geometry import se3
 
 
@@ -50,3 +52,13 @@ def test_plain_alignment_is_rough_and_does_not_drift(world: World):
 def test_the_front_end_is_best(world: World):
     medians = {name: float(np.median(pose_errors_m(world, name))) for name in STARTS}
     assert min(medians, key=lambda name: medians[name]) == "front_end"
+
+
+def test_the_front_end_does_not_drift_from_robot_to_robot(monkeypatch: pytest.MonkeyPatch):
+    """Sixteen robots, each of which sees a small part of a hall of 36 m."""
+    monkeypatch.setattr(estimation_world, "POSES_PER_ROBOT", 120)
+    wide = make(Size(225, 16 * 120))
+    begun = start_from_nothing(wide.problem, wide.chain)
+    assert begun.placed.all()
+    errors_m = np.linalg.norm(begun.p - wide.true.p, axis=1)[begun.mapped]
+    assert errors_m.max() < 0.1
