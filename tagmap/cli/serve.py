@@ -30,6 +30,18 @@ from tagmap.cli.options import ENDPOINT, site_option
     metavar="FILE",
     help="Surveyed tags: CSV with the header tag,x_m,y_m,z_m,sigma_m (z is ignored in the plane).",
 )
+@click.option(
+    "--site-number",
+    type=click.IntRange(1, 65535),
+    metavar="N",
+    help="Number of the site in the tags' memories; without it none are written.",
+)
+@click.option(
+    "--memory-key",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Sign what is written in tags with this file's content, 16 bytes or more.",
+)
 def serve(
     listen: str | None,
     connect: tuple[str, ...],
@@ -37,6 +49,8 @@ def serve(
     site: str,
     db: Path,
     survey: Path | None,
+    site_number: int | None,
+    memory_key: Path | None,
 ) -> None:
     """Run the map service until SIGTERM or Ctrl-C.
 
@@ -47,8 +61,11 @@ def serve(
     from tagmap.exchange.survey_csv import read_surveys
 
     surveys = read_surveys(survey) if survey else []
+    from tagmap.memory.key_file import read_key
     from tagmap.service.run import Settings, run
+    from tagmap.writeback.wanted import Owner
 
     if not connect and zenoh_config is None:
         listen = listen or ENDPOINT
-    run(Settings(site, db, listen, connect, zenoh_config, surveys))
+    owner = Owner(site_number, read_key(memory_key) if memory_key else None)
+    run(Settings(site, db, listen, connect, zenoh_config, surveys, owner))

@@ -11,6 +11,7 @@ from tagmap.cli.show import position, show_facts, show_json, show_table
 COLUMNS = [
     "tag", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m", "state", "n",
 ]  # fmt: skip
+MEMORY_COLUMNS = ["tag", "state", "robot", "writes", "reason"]
 
 
 @click.group()
@@ -22,9 +23,17 @@ def tags() -> None:
 @click.option("--state", help="Only tags in this state: mapped, surveyed, withheld.")
 @click.option("--bbox", metavar="X0,Y0,X1,Y1", help="Only tags inside this rectangle, in m.")
 @click.option("--version", type=int, help="Of this map version. [default: the newest]")
+@click.option("--memory", is_flag=True, help="What the tags' own memories say, instead.")
 @client
-def list_(target: Target, state: str | None, bbox: str | None, version: int | None) -> None:
+def list_(
+    target: Target, state: str | None, bbox: str | None, version: int | None, memory: bool
+) -> None:
     """List tags with their positions and standard deviations."""
+    if memory:
+        if (state, bbox, version) != (None, None, None):
+            raise click.UsageError("--memory lists all tags, without other options")
+        _list_memories(target)
+        return
     data = ask(target, "tags", "list", state=state, bbox=bbox, version=version)
     if target.as_json:
         show_json(data)
@@ -63,6 +72,16 @@ def survey(target: Target, tag: str, x: float, y: float, z: float, sigma_m: floa
         show_json(data)
     else:
         click.echo(f"{tag} surveyed; {data['surveyed']} surveyed tags; the map will follow")
+
+
+def _list_memories(target: Target) -> None:
+    data = ask(target, "tags", "memory")
+    if target.as_json:
+        show_json(data)
+        return
+    verified = sum(tag["state"] == "verified" for tag in data["tags"])
+    title = f"{verified} of {len(data['tags'])} memories verified"
+    show_table(title, MEMORY_COLUMNS, ([tag[c] for c in MEMORY_COLUMNS] for tag in data["tags"]))
 
 
 def _row(tag: dict[str, Any]) -> list[Any]:

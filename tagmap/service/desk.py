@@ -25,6 +25,7 @@ from tagmap.records.base import Message
 from tagmap.service.admin import HANDLERS, Args
 from tagmap.service.archive import Archive, Lookup
 from tagmap.service.leasing import Leasing
+from tagmap.service.memories import Memories
 from tagmap.service.wildcards import covers, is_exact
 from tagmap.store import PoseRow, SiteStore
 
@@ -36,10 +37,13 @@ class Desk:
     commands that the loop carries out itself; they end the query, at once or later.
     """
 
-    def __init__(self, keys: Keys, mapper: Mapper, archive: Archive, leasing: Leasing) -> None:
+    def __init__(
+        self, keys: Keys, mapper: Mapper, archive: Archive, leasing: Leasing, memories: Memories
+    ) -> None:
         self.keys = keys
         self.mapper = mapper
         self.leasing = leasing
+        self.memories = memories
         self.commands: dict[tuple[str, str], Command] = {}
         self._archive = archive
         self._log = structlog.get_logger("desk")
@@ -78,6 +82,8 @@ class Desk:
             query.reply(query.key, encode(self.leasing.answer(wanted, self.mapper.live)))
         elif below.endswith("ack"):
             self._acks(query)
+        elif below.endswith("jobs"):
+            self._jobs(query)
         elif below.endswith("pose"):
             self._poses(query)
         elif below == "map/version":
@@ -96,6 +102,12 @@ class Desk:
             if ack is not None:
                 answers.append((self.keys.ack(robot), encode(ack)))
         self._reply(query, answers, "nothing was heard of this robot yet")
+
+    def _jobs(self, query: Query) -> None:
+        expect(query.parameters, ())
+        jobs = {robot: self.memories.job_of(robot) for robot in self._robots(query, self.keys.jobs)}
+        answers = [(self.keys.jobs(robot), encode(job)) for robot, job in jobs.items() if job]
+        self._reply(query, answers, "no job for this robot")
 
     def _poses(self, query: Query) -> None:
         expect(query.parameters, ("t_ns",))

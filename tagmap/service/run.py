@@ -19,9 +19,11 @@ from tagmap.mapping.draft import Arrival
 from tagmap.mapping.surveying import SurveyedPosition
 from tagmap.service.archive import Archive
 from tagmap.service.inbox import Inbox
+from tagmap.service.memories import JobAnswer
 from tagmap.service.shell import Presence, Service
 from tagmap.service.solver import SolverProcess
 from tagmap.store import SiteStore
+from tagmap.writeback.wanted import Owner
 
 CAPACITY = 2048
 RING = 2048
@@ -39,6 +41,7 @@ class Settings:
     connect: tuple[str, ...]
     zenoh_config: Path | None
     surveys: list[SurveyedPosition]
+    owner: Owner
 
 
 def run(settings: Settings) -> None:
@@ -66,7 +69,7 @@ def _serve(settings: Settings, stopping: threading.Event) -> None:
         archive = opened.enter_context(_archive(settings))
         solver = SolverProcess(settings.db, settings.site, inbox.put)
         opened.callback(solver.stop)
-        service = Service(store, link, router, solver, archive, inbox)
+        service = Service(store, link, router, solver, archive, inbox, settings.owner)
         service.survey(settings.surveys)
         _listen(link, Keys(settings.site), inbox)
         endpoints = [settings.listen] if settings.listen else list(settings.connect)
@@ -104,11 +107,23 @@ def _listen(link: Link, keys: Keys, inbox: Inbox) -> None:
     def on_presence(key: str, alive: bool) -> None:
         inbox.put(Presence(keys.robot_of(key) or "", alive))
 
+    def on_result(key: str, payload: bytes) -> None:
+        inbox.put(JobAnswer(keys.robot_of(key) or "", payload))
+
     def on_query(query: Query) -> None:
         inbox.put(query)
 
     link.watch_alive(keys.alive(), on_presence)
     maps = (keys.map_version(), f"{keys.map_tags()}/**")
-    for key_expr in (keys.ack(), keys.pose(), *maps, keys.localize(), keys.lease(), keys.admin()):
+    for key_expr in (
+        keys.ack(),
+        keys.pose(),
+        keys.jobs(),
+        *maps,
+        keys.localize(),
+        keys.lease(),
+        keys.admin(),
+    ):
         link.serve(key_expr, on_query)
     link.subscribe(keys.keyframes(), on_keyframe, capacity=RING)
+    link.subscribe(keys.job_results(), on_result, capacity=RING)

@@ -26,11 +26,13 @@ from tagmap.service.archive import Archive
 from tagmap.service.desk import Desk
 from tagmap.service.inbox import Inbox
 from tagmap.service.leasing import Leasing
+from tagmap.service.memories import JobAnswer, Memories
 from tagmap.service.restore import restore
 from tagmap.service.solver import Failed, Solved, SolverProcess
 from tagmap.service.solving import Solving
 from tagmap.service.throttle import Throttle
-from tagmap.store import Batch, RefusalRow, SiteStore, Survey
+from tagmap.store import Batch, Reading, RefusalRow, SiteStore, Survey
+from tagmap.writeback.wanted import Owner
 
 BATCH = 512
 TURN_S = 0.1
@@ -56,6 +58,7 @@ class Service:
         solver: SolverProcess,
         archive: Archive,
         inbox: Inbox,
+        owner: Owner,
     ) -> None:
         self.store, self.link, self.router, self.inbox = store, link, router, inbox
         self.keys = Keys(store.site)
@@ -63,9 +66,11 @@ class Service:
         self.throttle = Throttle()
         self.leasing = Leasing()
         self.mapper: Mapper = self._restored()
-        self.desk = Desk(self.keys, self.mapper, archive, self.leasing)
+        self.memories = Memories(store, link, self.keys, owner)
+        self.desk = Desk(self.keys, self.mapper, archive, self.leasing, self.memories)
         self.desk.commands[("site", "status")] = self._status
         self.desk.commands[("tags", "survey")] = self._survey_one
+        self.desk.commands[("tags", "memory")] = self._list_memories
         self.desk.commands[("map", "solve")] = lambda query, _: self.solving.wait(query)
         self.solving = Solving(store, solver, self.desk)
         self.broken_until_s: float | None = None
@@ -82,6 +87,7 @@ class Service:
             self._do(self._ingest, arrivals)
             self._do(self._follow)
             self._do(self.solving.tick)
+            self._do(self._write_back)
             self._keep_router()
             self._report_flood()
         self.solving.turn_away("the service stops")
@@ -119,13 +125,17 @@ class Service:
                 self._adopt(event)
             case Failed():
                 self.solving.fail(event)
+            case JobAnswer():
+                self.memories.answer(event, self.mapper)
 
     def _ingest(self, arrivals: list[Arrival]) -> None:
         if not arrivals:
             return
         outcome = self.mapper.step(arrivals)
         if outcome.has_facts:
-            self.store.commit(_batch(outcome, time.time_ns()))
+            readings = self.memories.readings(outcome.keyframes)
+            self.store.commit(_batch(outcome, readings, time.time_ns()))
+            self.memories.heard(outcome.keyframes, readings)
             self._recover()
         for robot, ack in outcome.acks:
             self.link.put(self.keys.ack(robot), encode(ack))
@@ -139,6 +149,9 @@ class Service:
         """After the commit: no pose is ahead of the database."""
         for robot, pose in self.mapper.follow().items():
             self.link.put(self.keys.pose(robot), encode(pose))
+
+    def _write_back(self) -> None:
+        self.memories.tick(self.mapper)
 
     def _adopt(self, result: Solved) -> None:
         adoption = self.solving.finish(result, self.mapper, time.time_ns())
@@ -204,7 +217,7 @@ class Service:
             event.reply_error("the service cannot write its database; see its log")
         elif isinstance(event, Solved):
             self.solving.fail(Failed("the database cannot be written"))
-        else:
+        elif not isinstance(event, JobAnswer):
             self._handle(event)
 
     def _keep_router(self) -> None:
@@ -240,7 +253,15 @@ class Service:
         self.survey([surveyed(args.get("tag"), p_m, args.get("sigma_m"))])
         self.desk.confirm(query, {"tag": args["tag"], "surveyed": len(self.mapper.surveys)})
 
+    def _list_memories(self, query: Query, _args: Args) -> None:
+        self.desk.confirm(query, {"tags": self.memories.states(self.mapper)})
 
-def _batch(outcome: Outcome, now_ns: int) -> Batch:
+
+def _batch(outcome: Outcome, readings: list[Reading], now_ns: int) -> Batch:
     refusals = [RefusalRow(r.robot, r.session, r.seq, r.reason, now_ns) for r in outcome.refused]
-    return Batch(hellos=outcome.hellos, keyframes=outcome.keyframes, refusals=refusals)
+    return Batch(
+        hellos=outcome.hellos,
+        keyframes=outcome.keyframes,
+        refusals=refusals,
+        readings=readings,
+    )

@@ -1,17 +1,19 @@
 """SQLite: the site database and the agent's outbox. The only room that knows about it."""
 
-from tagmap.store.batch import Batch, Inserted, RefusalRow, Survey
+from tagmap.store.batch import Batch, Inserted, Reading, RefusalRow, Survey
 from tagmap.store.outbox import Outbox, OutboxCounts, RefusedMessage
-from tagmap.store.rows import Counts, PoseRow, RobotRow, SessionPoses, SessionRow
+from tagmap.store.rows import Counts, MemoryRow, PoseRow, RobotRow, SessionPoses, SessionRow
 from tagmap.store.site import SiteStore
 
 __all__ = [
     "Batch",
     "Counts",
     "Inserted",
+    "MemoryRow",
     "Outbox",
     "OutboxCounts",
     "PoseRow",
+    "Reading",
     "RefusalRow",
     "RefusedMessage",
     "RobotRow",

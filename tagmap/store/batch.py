@@ -28,6 +28,23 @@ class Survey:
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """What a robot read in a tag's memory, all of it; None: it could not.
+
+    job, outcome, reason  where it answers a write-back job
+    t_ns                  when the service heard of it
+    """
+
+    tag: str
+    robot: str
+    memory: bytes | None
+    t_ns: int
+    job: int | None = None
+    outcome: str | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Batch:
     """Facts that are stored all together or not at all.
 
@@ -38,6 +55,7 @@ class Batch:
     keyframes: list[Keyframe] = field(default_factory=list)
     refusals: list[RefusalRow] = field(default_factory=list)
     surveys: list[Survey] = field(default_factory=list)
+    readings: list[Reading] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

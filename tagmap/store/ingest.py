@@ -6,7 +6,7 @@ it: the row stays, as all rows do, and is no longer read.
 """
 
 from tagmap.records import Hello, Keyframe, Sighting, encode
-from tagmap.store.batch import Batch, Inserted, RefusalRow, Survey
+from tagmap.store.batch import Batch, Inserted, Reading, RefusalRow, Survey
 from tagmap.store.blobs import pack, pack_transform
 from tagmap.store.connection import Connection, Row
 
@@ -27,6 +27,10 @@ _SURVEY = (
     "INSERT INTO surveys (tag, p_m, sigma_m, t_ns) VALUES (?, ?, ?, ?) "
     "ON CONFLICT (tag, t_ns) DO NOTHING"
 )
+_READING = (
+    "INSERT INTO memory_readings (tag, robot_id, memory, t_ns, job, outcome, reason) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?)"
+)
 
 
 def insert_batch(db: Connection, batch: Batch) -> Inserted:
@@ -36,6 +40,7 @@ def insert_batch(db: Connection, batch: Batch) -> Inserted:
     keyframes, sightings = _insert_keyframes(db, ids, batch.keyframes)
     refusals = sum(_insert_refusal(db, ids, refusal) for refusal in batch.refusals)
     surveys = db.executemany(_SURVEY, map(_survey_row, batch.surveys))
+    db.executemany(_READING, [_reading_row(ids, reading) for reading in batch.readings])
     return Inserted(hellos, keyframes, sightings, refusals, surveys)
 
 
@@ -130,3 +135,15 @@ def _sighting_row(keyframe_id: int, i: int, sighting: Sighting) -> Row:
 
 def _survey_row(survey: Survey) -> Row:
     return (survey.tag, pack(survey.p_m), survey.sigma_m, survey.t_ns)
+
+
+def _reading_row(ids: _Ids, reading: Reading) -> Row:
+    return (
+        reading.tag,
+        ids.robot(reading.robot),
+        reading.memory,
+        reading.t_ns,
+        reading.job,
+        reading.outcome,
+        reading.reason,
+    )

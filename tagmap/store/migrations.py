@@ -249,6 +249,24 @@ def maps(db: "Database") -> None:
     _append_only(db, "map_versions", "tag_estimates")
 
 
+def memories(db: "Database") -> None:
+    """What robots read in the memories of tags: facts. A reading that says the same as the one
+    before is in its keyframe only.
+    """
+    db.execute(
+        """CREATE TABLE memory_readings (
+            id INTEGER PRIMARY KEY,
+            tag TEXT NOT NULL,
+            robot_id INTEGER NOT NULL REFERENCES robots (id),
+            memory BLOB,
+            t_ns INTEGER NOT NULL,
+            job INTEGER,
+            outcome TEXT,
+            reason TEXT)"""
+    )
+    _append_only(db, "memory_readings")
+
+
 def outbox(db: "Database") -> None:
     """An agent's messages until they are settled, and where its sources were.
 
@@ -276,5 +294,5 @@ def outbox(db: "Database") -> None:
         )
 
 
-SITE = Schema("site", 0x7461676D, (observations, maps))
+SITE = Schema("site", 0x7461676D, (observations, maps, memories))
 OUTBOX = Schema("outbox", 0x7461676F, (outbox,))

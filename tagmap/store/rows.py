@@ -32,6 +32,15 @@ class SessionRow:
 
 
 @dataclass(frozen=True, slots=True)
+class MemoryRow:
+    """One tag's memory as it was last read, and for how many jobs it was written."""
+
+    tag: str
+    memory: bytes
+    writes: int
+
+
+@dataclass(frozen=True, slots=True)
 class Counts:
     """`tags` are those of the newest map version."""
 

@@ -12,7 +12,7 @@ from tagmap.store.blobs import unpack
 from tagmap.store.connection import Connection
 from tagmap.store.ingest import insert_batch
 from tagmap.store.migrations import SITE, open_for_reading, open_for_writing
-from tagmap.store.rows import Counts, PoseRow, RobotRow, SessionPoses, SessionRow
+from tagmap.store.rows import Counts, MemoryRow, PoseRow, RobotRow, SessionPoses, SessionRow
 
 _ROBOTS = """
     SELECT name, number, count(sessions.id),
@@ -141,6 +141,19 @@ class SiteStore:
             "SELECT tag, p_m, sigma_m, max(t_ns) FROM surveys GROUP BY tag ORDER BY tag"
         )
         return [Survey(tag, unpack(p_m), sigma_m, t_ns) for tag, p_m, sigma_m, t_ns in rows]
+
+    def memories(self) -> list[MemoryRow]:
+        """Of each tag whose memory was ever read, in the order of tag ids.
+
+        A bare column beside max() is of the row that has it.
+        """
+        rows = self._db.rows(
+            "SELECT tag, memory, coalesce(writes, 0), max(id) FROM memory_readings LEFT JOIN "
+            "(SELECT tag, count(DISTINCT job) AS writes FROM memory_readings "
+            "WHERE outcome = 'written' GROUP BY tag) USING (tag) "
+            "WHERE memory IS NOT NULL GROUP BY tag ORDER BY tag"
+        )
+        return [MemoryRow(tag, memory, writes) for tag, memory, writes, _ in rows]
 
     def latest_version(self) -> MapVersion | None:
         return maps.read_latest(self._db)

@@ -116,6 +116,16 @@ class Planner:
             known.written_for = job
             known.writes += 1
 
+    def restore(self, tag: str, memory: bytes, writes: int) -> None:
+        """What was stored before a restart."""
+        known = self._of(tag)
+        known.held, known.writes = memory, writes
+
+    def held(self, tag: str) -> bytes | None:
+        """The memory as it was last read."""
+        known = self._memories.get(tag)
+        return None if known is None else known.held
+
     def plan(self, seen: Mapping[str, Sequence[Seer]], now_ns: int, number: int) -> list[Order]:
         """New jobs for what is `seen`, by tag. A robot has one job at a time."""
         self._expire(now_ns)

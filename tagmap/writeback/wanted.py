@@ -17,9 +17,12 @@ SIGMAS = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """Whose memories these are: the number of the site and, where it signs, its key."""
+    """Whose memories these are: the number of the site and, where it signs, its key.
 
-    site: int
+    Without a number records of any site are read, and none is written.
+    """
+
+    site: int | None
     key: bytes | None = None
 
 
@@ -70,6 +73,8 @@ def judge(wanted: Wanted, memory: bytes, tag: str, owner: Owner, writes: int) ->
         difference = _difference(wanted, contents.record) or contents.reason
         if difference is None:
             return FINE
+        if owner.site is None:
+            return Judgement("kept", f"{difference}; the site has no number to write with")
         data = encode_for(len(memory), wanted.record(owner, 0), tag, owner.key)
         plan_write(memory, data, tag, owner.key, owner.site)
     except (RecordRefused, ValueError) as error:

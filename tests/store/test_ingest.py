@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tagmap.errors import StoreError
 from tagmap.records import Keyframe, encode
-from tagmap.store import Batch, Counts, Inserted, RefusalRow, SiteStore, Survey
+from tagmap.store import Batch, Counts, Inserted, MemoryRow, Reading, RefusalRow, SiteStore, Survey
 from tagmap.store.check import check
 from tests.store.records import SITE, hello, keyframe, keyframes
 
@@ -245,3 +245,14 @@ def test_facts_cannot_be_changed(mapped: SiteStore, table: str, statement: str) 
 def test_a_session_has_one_hello(mapped: SiteStore) -> None:
     with pytest.raises(StoreError, match="a session has one hello"):
         mapped._db.execute("UPDATE sessions SET hello = x'00'")
+
+
+def test_memories_are_as_they_were_last_read() -> None:
+    with fresh_store() as store:
+        assert store.memories() == []
+        store.commit(Batch(readings=[Reading("b", "r1", b"old", 1), Reading("a", "r1", b"", 2)]))
+        written = Reading("b", "r2", b"new", 3, job=7, outcome="written")
+        store.commit(Batch(readings=[written, written]))
+        lost = Reading("b", "r1", None, 4, job=8, outcome="failed", reason="no answer")
+        store.commit(Batch(readings=[lost]))
+        assert store.memories() == [MemoryRow("a", b"", 0), MemoryRow("b", b"new", 1)]

@@ -1,0 +1,142 @@
+"""Write-back: what the memories of tags were last read to hold, and the jobs that put them right.
+
+Only what is committed is believed, so after a restart the planner knows what it knew.
+"""
+
+import math
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import structlog
+
+from tagmap.errors import RecordRefused
+from tagmap.link.keys import Keys
+from tagmap.link.session import Link
+from tagmap.mapper import Mapper
+from tagmap.records import JobResult, Keyframe, WriteJob, decode, encode
+from tagmap.store import Batch, Reading, SiteStore
+from tagmap.writeback.map_wishes import wishes
+from tagmap.writeback.planner import Planner, Seer
+from tagmap.writeback.wanted import Owner
+
+TICK_S = 1.0
+FRESH_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class JobAnswer:
+    """A message on `agents/<robot>/jobs/results`; `robot` is the key's."""
+
+    robot: str
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class _Glimpse:
+    """What a robot's newest keyframe saw, and when it came."""
+
+    heard_s: float
+    tags: tuple[str, ...]
+
+
+class Memories:
+    def __init__(self, store: SiteStore, link: Link, keys: Keys, owner: Owner) -> None:
+        self._store, self._link, self._keys = store, link, keys
+        self._log = structlog.get_logger("memories")
+        self._planner = Planner(owner)
+        self._glimpses: dict[str, _Glimpse] = {}
+        self._version: int | None = None
+        self._tick_s = 0.0
+        for row in store.memories():
+            self._planner.restore(row.tag, row.memory, row.writes)
+
+    def readings(self, keyframes: Iterable[Keyframe]) -> list[Reading]:
+        """What these keyframes say that is not known already, to be committed with them."""
+        news: dict[str, Reading] = {}
+        for keyframe in keyframes:
+            for sighting in keyframe.sightings:
+                tag, memory = sighting.tag, sighting.memory
+                if memory is not None and memory != self._planner.held(tag):
+                    news[tag] = Reading(tag, keyframe.robot, memory, time.time_ns())
+        return list(news.values())
+
+    def heard(self, keyframes: Iterable[Keyframe], readings: Iterable[Reading]) -> None:
+        """After the commit."""
+        now_s = time.monotonic()
+        for keyframe in keyframes:
+            tags = tuple(sighting.tag for sighting in keyframe.sightings)
+            self._glimpses[keyframe.robot] = _Glimpse(now_s, tags)
+        for reading in readings:
+            if reading.memory is not None:
+                self._planner.heard(reading.tag, reading.memory)
+
+    def answer(self, event: JobAnswer, mapper: Mapper) -> None:
+        """Commit what a robot says of its job, then believe it."""
+        try:
+            result = _result(event, mapper)
+        except RecordRefused as error:
+            self._log.info("job result refused", robot=event.robot, reason=error.reason)
+            return
+        told = (result.job, result.outcome, result.reason)
+        reading = Reading(result.tag, event.robot, result.read, time.time_ns(), *told)
+        self._store.commit(Batch(readings=[reading]))
+        self._planner.answer(event.robot, result, time.monotonic_ns())
+        place = {"tag": result.tag, "robot": event.robot, "job": result.job}
+        self._log.info("job answered", outcome=result.outcome, reason=result.reason, **place)
+
+    def tick(self, mapper: Mapper) -> None:
+        """Once a second: follow the map, and give out jobs."""
+        if time.monotonic() < self._tick_s:
+            return
+        self._tick_s = time.monotonic() + TICK_S
+        self._follow(mapper)
+        for order in self._planner.plan(self._seen(mapper), time.monotonic_ns(), time.time_ns()):
+            self._link.put(self._keys.jobs(order.robot), encode(order.job))
+            job = order.job
+            self._log.info("write-back", tag=job.tag, robot=order.robot, job=job.job)
+
+    def job_of(self, robot: str) -> WriteJob | None:
+        return self._planner.job_of(robot, time.monotonic_ns())
+
+    def states(self, mapper: Mapper) -> list[dict[str, Any]]:
+        """For `tagmap tags list --memory`."""
+        self._follow(mapper)
+        return [asdict(state) for state in self._planner.states(time.monotonic_ns())]
+
+    def _follow(self, mapper: Mapper) -> None:
+        version = mapper.book.version
+        if version is None or version.version == self._version:
+            return
+        surveys = {tag: (survey.p_m, survey.sigma_m) for tag, survey in mapper.surveys.items()}
+        self._planner.wanted = wishes(version, mapper.book.tags.values(), surveys)
+        self._version = version.version
+
+    def _seen(self, mapper: Mapper) -> dict[str, list[Seer]]:
+        """Who sees which tag now, of those that are there and know where they are."""
+        seen: dict[str, list[Seer]] = {}
+        for robot, glimpse in self._glimpses.items():
+            live, number = mapper.live.robots.get(robot), mapper.ingest.robots[robot].number
+            T_map_base = live.pose.T_map_base if live is not None and live.pose else None
+            if time.monotonic() - glimpse.heard_s > FRESH_S or robot not in mapper.alive:
+                continue
+            if live is None or number is None or T_map_base is None:
+                continue
+            for name in glimpse.tags:
+                tag = mapper.book.tags.get(name)
+                if tag is not None and tag.p_m is not None:
+                    distance_m = math.dist(T_map_base.p_m, tag.p_m)
+                    write_range_m = live.hello.limits.write_range_m
+                    seer = Seer(robot, number, distance_m, write_range_m)
+                    seen.setdefault(name, []).append(seer)
+        return seen
+
+
+def _result(event: JobAnswer, mapper: Mapper) -> JobResult:
+    result = decode(JobResult, event.payload)
+    if result.robot != event.robot:
+        raise RecordRefused(f"names robot {result.robot}, the key names {event.robot}")
+    if event.robot not in mapper.live.robots:
+        raise RecordRefused("has not said hello")
+    return result
