@@ -22,6 +22,7 @@ from tagmap.estimation.condensed import whole
 from tagmap.estimation.elimination import eliminated
 from tagmap.estimation.gauge import is_free, rigid_motions
 from tagmap.estimation.kernels import chain, schur
+from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem
 from tagmap.estimation.system import System
@@ -60,6 +61,9 @@ class Marginals:
         self._free()
         self._check()
         self._inverse_blocks: Array | None = None
+        begins = np.ones(n + 1, dtype=bool)
+        begins[problem.odometry.first + 1] = False
+        self._starts = np.flatnonzero(begins)
 
     def _reduced(self) -> tuple[sparse.csc_matrix, Array, Array]:
         """S: of tags (sparse, both triangles), of tags with calibration, of calibration."""
@@ -165,15 +169,23 @@ class Marginals:
 
     def _by_pose(self, which: Index) -> Array:
         """Rows of A^-1 B, (6 n, 3 M + Q), up to their sign."""
-        linear, m = self._point.linear, 3 * self._problem.n_tags
+        m = 3 * self._problem.n_tags
         X = np.zeros((6 * len(which), m + len(self._corner)))
         still = np.zeros((self._problem.n_tags, 3))
-        for row, into in enumerate(X):
-            unit = np.zeros_like(linear.pose_gradient)
-            unit[which[row // 6], row % 6] = 1.0
-            chain.solve(self._L, self._D, unit)
-            chain.scatter(linear, still, 0.0, unit, into[:m].reshape(-1, 3), into[m:])
+        for number, rows in zip(which.tolist(), X.reshape(len(which), 6, -1), strict=True):
+            own = self._chain_of(number)
+            L, D, linear = self._L[own], self._D[own], _only(self._point.linear, own)
+            for axis, into in enumerate(rows):
+                unit = np.zeros((len(L), 6))
+                unit[number - own.start, axis] = 1.0
+                chain.solve(L, D, unit)
+                chain.scatter(linear, still, 0.0, unit, into[:m].reshape(-1, 3), into[m:])
         return X
+
+    def _chain_of(self, pose: int) -> slice:
+        """The poses that odometry ties to that one: A ties it to no others."""
+        start = int(np.searchsorted(self._starts, pose, side="right")) - 1
+        return slice(int(self._starts[start]), int(self._starts[start + 1]))
 
     def _joint_times(self, x: Array) -> Array:
         """Covariance of tags and calibration times x (3 M + Q, k), the frame free again."""
@@ -189,6 +201,16 @@ class Marginals:
     def _solved(self, x: Array) -> Array:
         """The tags' part of the reduced system, the frame held, solved for x (3 M, k)."""
         return np.stack([self._solve(np.ascontiguousarray(c)) for c in x.T], axis=1)
+
+
+def _only(linear: Linear, poses: slice) -> Linear:
+    """The part of some poses that follow each other, as far as `scatter` needs it."""
+    return linear._replace(
+        T=linear.T[poses],
+        first=linear.first[poses.start : poses.stop + 1],
+        pose_calibration=linear.pose_calibration[poses],
+        slot_column=linear.slot_column[poses],
+    )
 
 
 def _hold(motions: Array, diagonal: Array) -> sparse.csc_matrix:
