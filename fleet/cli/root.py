@@ -4,6 +4,7 @@ import click
 
 from fleet.cli.bench import bench
 from fleet.cli.demo import demo
+from fleet.cli.emulate import emulate
 from fleet.cli.replay import replay
 from fleet.cli.thesis import thesis
 from tagmap import __version__
@@ -15,5 +16,5 @@ def cli() -> None:
     """Simulated and recorded robots, run through the real programs and judged against truth."""
 
 
-for command in (demo, replay, bench, thesis):
+for command in (demo, replay, emulate, bench, thesis):
     cli.add_command(command)

@@ -29,6 +29,10 @@ class UserMemory:
         """Of the word that was written most often."""
         return max(self._writes, default=0)
 
+    def restore(self, words: Iterable[int]) -> None:
+        """What it held before the power went; wears nothing."""
+        self._words = list(words)
+
     def write(self, address: int, word: int) -> Denial | None:
         """None: acknowledged. `word` is 0 to 65535."""
         if not 0 <= address < len(self._words):

@@ -1,0 +1,125 @@
+"""`fleet emulate`: devices that are not there."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from fleet.simulation.scene.description import SceneDescription
+    from fleet.simulation.scene.keeping import KeptMemories
+
+READER = "emulated"
+LOOK_S = 0.1
+EVERY = click.IntRange(min=0)
+
+
+@click.group()
+def emulate() -> None:
+    """Devices that are not there, speaking their real protocols over real sockets."""
+
+
+@emulate.command()
+@click.option(
+    "--listen",
+    default="127.0.0.1:5084",
+    show_default=True,
+    metavar="HOST:PORT",
+    help="Where clients connect; port 0 is any free one.",
+)
+@click.option(
+    "--scene",
+    metavar="FILE",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Tags and reader as TOML.",
+)
+@click.option(
+    "--tag",
+    "tags",
+    multiple=True,
+    metavar="EPC",
+    help="One more tag, always lit, 64 words of user memory; repeatable.",
+)
+@click.option(
+    "--memory",
+    metavar="FILE",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where tags keep what is written, from run to run, as JSON.",
+)
+@click.option("--cut-every", type=EVERY, default=0, metavar="N", help="Cut each N-th message.")
+@click.option("--garbage-every", type=EVERY, default=0, metavar="N", help="Spoil each N-th.")
+@click.option("--mute-every", type=EVERY, default=0, metavar="N", help="Fall silent at each N-th.")
+@click.option("--duration-s", type=click.FloatRange(min=0.0), metavar="S", help="End after S seconds.")
+def llrp(
+    listen: str,
+    scene: Path | None,
+    tags: tuple[str, ...],
+    memory: Path | None,
+    cut_every: int,
+    garbage_every: int,
+    mute_every: int,
+    duration_s: float | None,
+) -> None:
+    """An LLRP reader and its tags, until Ctrl-C. Prints where it listens, then what it is told.
+
+    A tag answers only while it is lit: always, never, or by a schedule of the scene file.
+    """
+    import time
+
+    from fleet.cli.interrupt import interruptible
+    from fleet.emulation.llrp.line import LineFaults
+    from fleet.emulation.llrp.reader import EmulatedReader
+    from fleet.emulation.llrp.server import LlrpServer
+    from fleet.simulation.scene.description import build
+    from fleet.simulation.scene.keeping import KeptMemories
+
+    host, port = _address(listen)
+    description = _described(scene, tags)
+    air = build(description, READER, time.time_ns())
+    kept = KeptMemories(air, memory) if memory else None
+    faults = LineFaults(cut_every, garbage_every, mute_every, description.seed)
+    reader = EmulatedReader(air.antenna(READER))
+    with (
+        interruptible(),
+        LlrpServer(reader, host, port, faults, lambda line: click.echo(line, err=True)) as server,
+    ):
+        host, port = server.address
+        click.echo(f"llrp reader with {len(air.tags)} tags at {host}:{port}")
+        _stay(duration_s, kept)
+
+
+def _stay(duration_s: float | None, kept: "KeptMemories | None") -> None:
+    """Until the time is over or somebody interrupts."""
+    import time
+
+    end_s = time.monotonic() + duration_s if duration_s is not None else float("inf")
+    while time.monotonic() < end_s:
+        time.sleep(min(LOOK_S, max(0.0, end_s - time.monotonic())))
+        if kept is not None:
+            kept.keep()
+
+
+def _address(listen: str) -> tuple[str, int]:
+    found = re.fullmatch(r"(.+):(\d{1,5})", listen)
+    if found is None:
+        raise click.BadParameter(f"{listen!r} is not HOST:PORT", param_hint="--listen")
+    return found[1], int(found[2])
+
+
+def _described(scene: Path | None, tags: tuple[str, ...]) -> "SceneDescription":
+    import msgspec
+
+    from fleet.simulation.scene.description import (
+        SceneDescription,
+        TagDescription,
+        read_description,
+    )
+
+    more = [{"epc": epc.lower(), "lit": "always"} for epc in tags]
+    try:
+        described = msgspec.convert(more, tuple[TagDescription, ...])
+    except msgspec.ValidationError as error:
+        raise click.BadParameter(str(error), param_hint="--tag") from None
+    base = read_description(scene) if scene else SceneDescription()
+    return msgspec.structs.replace(base, tag=base.tag + described)
