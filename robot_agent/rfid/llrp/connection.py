@@ -58,9 +58,11 @@ class Connection:
         """Why the connection is gone; None while it stands."""
         return self._lost
 
-    def ask(self, requests: Sequence[Message], timeout_s: float) -> list[Message]:
+    def ask(
+        self, requests: Sequence[Message], timeout_s: float, *, insist: bool = True
+    ) -> list[Message]:
         """Send all and wait for the answers, which come back in the order of arrival. What
-        arrives beside them is kept for `receive`."""
+        arrives beside them is kept for `receive`. Raises Refused only if it is to `insist`."""
         open_ids = {request.MessageID: request for request in requests}
         deadline = time.monotonic() + timeout_s
         answers: list[Message] = []
@@ -70,7 +72,10 @@ class Connection:
             if message is None:
                 raise ConnectionLost(self._lose(_silence(open_ids.values(), timeout_s)))
             if _is_answer(message, open_ids):
-                answers.append(_accepted(message, open_ids))
+                answers.append(message)
+                why = _refusal(message, open_ids)
+                if why is not None and insist:
+                    raise Refused(why)
             elif not isinstance(message, Broken):
                 self._kept.append(message)
         return answers
@@ -176,15 +181,12 @@ def _is_answer(message: Message | Broken, requests: dict[int, Message]) -> bool:
     return kind in (p.GetResponseClass(requests[id]).TypeCode, p.ERROR_MESSAGE_Message.TypeCode)
 
 
-def _accepted(answer: Message | Broken, requests: dict[int, Message]) -> Message:
-    """The answer, if it is a yes; its request is taken off the list."""
+def _refusal(answer: Message | Broken, requests: dict[int, Message]) -> str | None:
+    """Why an answer is no yes. Its request is taken off the list."""
     if isinstance(answer, Broken):
-        raise Refused(f"the answer to {name_of(requests.pop(answer.id))} is broken: {answer.why}")
-    request = requests.pop(answer.MessageID)
-    why = refusal(answer)
-    if why is not None:
-        raise Refused(f"{name_of(request)} was refused: {why}")
-    return answer
+        return f"the answer to {name_of(requests.pop(answer.id))} is broken: {answer.why}"
+    request, why = requests.pop(answer.MessageID), refusal(answer)
+    return why and f"{name_of(request)} was refused: {why}"
 
 
 def _silence(requests: Iterable[Message], timeout_s: float) -> str:

@@ -15,7 +15,7 @@ from robot_agent.rfid.llrp.backoff import Backoff
 from robot_agent.rfid.llrp.codec import Message, llrp
 from robot_agent.rfid.llrp.connection import Connection, ConnectionLost, Refused
 from robot_agent.rfid.llrp.reports import Fact, Sighting, WindowEvent, connection_status, facts
-from robot_agent.rfid.reader import Failure, Inventory, ReaderInfo, Reason, UserWords
+from robot_agent.rfid.reader import Failure, Inventory, ReaderInfo, Reason, RfidReader, UserWords
 
 T = TypeVar("T")
 
@@ -40,7 +40,7 @@ class LlrpConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     keepalive_s: float = 1.0
 
 
-class LlrpReader:
+class LlrpReader(RfidReader):
     """RfidReader by LLRP. Connects when it is first asked for something, again whenever the
     connection was lost, and waits longer from failure to failure: a call in between says so at
     once. Raises LlrpUnavailable at construction when pyllrp is not installed.
@@ -146,7 +146,7 @@ class LlrpReader:
             found += news
             if any(_is_end(fact) or is_enough(fact) for fact in news):
                 break
-        connection.ask(requests.forget_everything(), config.answer_s)
+        connection.ask(requests.forget_everything(), config.answer_s, insist=False)
         while (message := connection.receive(0.0)) is not None:
             found += facts(message, window)
         return found
@@ -185,8 +185,9 @@ class LlrpReader:
         connection = Connection(line, SILENT_KEEPALIVES * config.keepalive_s)
         try:
             _await_greeting(connection, config.connect_s)
-            setup = [requests.configure(config.keepalive_s), *requests.forget_everything()]
-            connection.ask(setup, config.answer_s)
+            # Some readers refuse to delete where there is nothing.
+            connection.ask(requests.forget_everything(), config.answer_s, insist=False)
+            connection.ask([requests.configure(config.keepalive_s)], config.answer_s)
         except (ConnectionLost, Refused):
             connection.close()
             raise
