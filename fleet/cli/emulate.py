@@ -50,7 +50,9 @@ def emulate() -> None:
 @click.option("--cut-every", type=EVERY, default=0, metavar="N", help="Cut each N-th message.")
 @click.option("--garbage-every", type=EVERY, default=0, metavar="N", help="Spoil each N-th.")
 @click.option("--mute-every", type=EVERY, default=0, metavar="N", help="Fall silent at each N-th.")
-@click.option("--duration-s", type=click.FloatRange(min=0.0), metavar="S", help="End after S seconds.")
+@click.option(
+    "--duration-s", type=click.FloatRange(min=0.0), metavar="S", help="End after S seconds."
+)
 def llrp(
     listen: str,
     scene: Path | None,
