@@ -15,4 +15,5 @@ NAMES = (
     "integrity",
     "estimation",
     "scanner",
+    "tag_memory",
 )
