@@ -16,8 +16,6 @@ from tagmap.estimation.system import Belief, Point, System
 # While steps still gain more than this part of the cost, the weights wait: sharpened early, they
 # would cut off what the state has yet to come near.
 SHARPEN_BELOW = 0.1
-# Until they are sharp, a step may leave this part of the cost to the next one.
-ROUGH = 1e-3
 DAMPING_FIRST = 1e-6
 DAMPING_LEAST = 1e-12
 DAMPING_MOST = 1e8
@@ -133,8 +131,7 @@ class Optimiser:
                 gain = self._options.tolerance * max(point.cost, 1.0)
                 if self._sharp and self._reduced.bound() <= gain:
                     return point, True
-                rough = 0.0 if self._sharp else ROUGH * point.cost
-                step = self._reduced.step(max(0.1 * gain, rough))
+                step = self._reduced.step(0.1 * gain)
                 self._products = step.products
                 if self._sharp and step.predicted <= gain:
                     return point, True
