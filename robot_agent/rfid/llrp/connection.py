@@ -16,8 +16,6 @@ from robot_agent.rfid.llrp.reports import refusal
 CHUNK_BYTES = 65536
 WAITING_MESSAGES = 1000
 """Nobody collects what arrives between two calls: beyond these it is dropped."""
-
-
 GOODBYE_S = 0.5
 
 

@@ -6,9 +6,10 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from itertools import count
-from typing import TypeVar
+from typing import Annotated, TypeAlias, TypeVar
 
 import msgspec
+from msgspec import Meta
 
 from robot_agent.rfid.llrp import outcome, requests
 from robot_agent.rfid.llrp.backoff import Backoff
@@ -29,15 +30,19 @@ SILENT_KEEPALIVES = 3
 EPC = re.compile(r"([0-9a-f]{4}){1,31}")
 
 
+AntennaNumber: TypeAlias = Annotated[int, Meta(ge=0, le=65535)]
+Patience: TypeAlias = Annotated[float, Meta(ge=0.05, le=600.0)]
+
+
 class LlrpConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the reader is and how patient to be with it. antennas: 0 is all of them."""
 
     host: str
-    port: int = PORT
-    antennas: tuple[int, ...] = (0,)
-    connect_s: float = 2.0
-    answer_s: float = 2.0
-    keepalive_s: float = 1.0
+    port: Annotated[int, Meta(ge=1, le=65535)] = PORT
+    antennas: Annotated[tuple[AntennaNumber, ...], Meta(min_length=1)] = (0,)
+    connect_s: Patience = 2.0
+    answer_s: Patience = 2.0
+    keepalive_s: Patience = 1.0
 
 
 class LlrpReader(RfidReader):
@@ -188,9 +193,9 @@ class LlrpReader(RfidReader):
             # Some readers refuse to delete where there is nothing.
             connection.ask(requests.forget_everything(), config.answer_s, insist=False)
             connection.ask([requests.configure(config.keepalive_s)], config.answer_s)
-        except (ConnectionLost, Refused):
+        except (ConnectionLost, Refused) as error:
             connection.close()
-            raise
+            raise ConnectionLost(str(error)) from None
         return connection
 
     def _hang_up(self) -> None:

@@ -7,6 +7,9 @@ from typing import TypeAlias
 from robot_agent.rfid.llrp.codec import Message, name_of, part, parts
 from robot_agent.rfid.llrp.requests import READ_OP, WRITE_OP
 
+LONGEST_REMARK = 200
+LONGEST_EPC_DIGITS = 124
+"""31 words, the most that a protocol control word can tell of."""
 TIMES = ("UTC", "Uptime")
 """A reader tells the time of day, or how long it has been up."""
 
@@ -76,7 +79,8 @@ def refusal(response: Message) -> str | None:
         return f"{name_of(response)} without a status"
     if status.StatusCode == 0:
         return None
-    return f"{name_of(response)}: status {status.StatusCode} {status.ErrorDescription}".rstrip()
+    said = " ".join(status.ErrorDescription.split())[:LONGEST_REMARK]
+    return f"{name_of(response)}: status {status.StatusCode} {said}".rstrip()
 
 
 def _sighting(data: Message, epc: str) -> Sighting:
@@ -93,12 +97,13 @@ def _sighting(data: Message, epc: str) -> Sighting:
 
 
 def _epc(data: Message) -> str:
-    """Empty for an EPC of no length, which is nobody's."""
+    """Empty for what cannot be the EPC of a tag: of no length, too long, or not in whole words."""
     short = part(data, "EPC_96")
     if short is not None:
         return f"{short.EPC:024x}"
     long = part(data, "EPCData")
-    return long.EPC.hex() if long is not None else ""
+    digits: str = long.EPC.hex() if long is not None else ""
+    return digits if len(digits) <= LONGEST_EPC_DIGITS and len(digits) % 4 == 0 else ""
 
 
 def _field(data: Message, name: str, field: str) -> int | None:

@@ -10,6 +10,7 @@ LENGTH_STARTS_AT_BIT, LENGTH_MASK, LENGTH_SHIFT = 16, 0xF8, 3
 """The first five bits of the protocol control word: words of the EPC."""
 EPC_STARTS_AT_BIT = 32
 WRITE_OP, READ_OP = 1, 2
+LONGEST_MS = (1 << 32) - 1
 AIR = 1
 """EPCglobal Class 1 Gen 2."""
 
@@ -121,7 +122,7 @@ def _window(id: int, window_s: float, antennas: Sequence[int]) -> Any:
             p.ROSpecStartTrigger_Parameter(ROSpecStartTriggerType=p.ROSpecStartTriggerType.Null),
             p.ROSpecStopTrigger_Parameter(
                 ROSpecStopTriggerType=p.ROSpecStopTriggerType.Duration,
-                DurationTriggerValue=max(1, round(window_s * 1e3)),
+                DurationTriggerValue=min(max(1, round(window_s * 1e3)), LONGEST_MS),
             ),
         ]
     )
