@@ -4,14 +4,11 @@ from collections.abc import Generator, Sequence
 from typing import TypeAlias
 
 from fleet.emulation.llrp.specs import AccessSpec
-from fleet.simulation.scene.antenna import AirError, Antenna, Reply
+from fleet.simulation.scene.antenna import READ_NS, WRITE_WORD_NS, AirError, Antenna, Reply
 from robot_agent.rfid.llrp.codec import Message, llrp, name_of
 
 Wake: TypeAlias = Generator[int, int, list[Message]]
 """Yields when to go on, is sent the time it then is, returns results."""
-
-READ_NS = 2_000_000
-WRITE_WORD_NS = 3_000_000
 
 READ_RESULTS: dict[AirError, int] = {"silent": 2, "overrun": 1, "locked": 1, "no_power": 2}
 """LLRP 1.0.1 has no words for why a tag cannot be read."""

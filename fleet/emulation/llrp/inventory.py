@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from fleet.emulation.llrp import access
 from fleet.emulation.llrp.report import AT_END, AT_END_OF_ANTENNA_SPEC, Report
 from fleet.emulation.llrp.specs import AccessSpec, AiSpec, RoSpec
-from fleet.simulation.scene.antenna import Antenna, Reply
-
-ROUND_NS = 20_000_000
+from fleet.simulation.scene.antenna import ROUND_NS, Antenna, Reply
 
 
 @dataclass(frozen=True, slots=True)

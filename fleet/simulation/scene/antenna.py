@@ -9,6 +9,11 @@ from fleet.simulation.scene.tag import USER, Place, Tag
 if TYPE_CHECKING:
     from fleet.simulation.scene.scene import Scene
 
+ROUND_NS = 20_000_000
+READ_NS = 2_000_000
+WRITE_WORD_NS = 3_000_000
+"""How long a round of inventory, reading, and writing one word take."""
+
 AirError: TypeAlias = Literal["silent", "overrun", "locked", "no_power"]
 
 

@@ -23,10 +23,10 @@ def epcs(result: Inventory | Failure) -> list[str]:
 
 def test_an_inventory_hears_who_is_lit(stand: Callable[..., Stand]):
     s = stand(lit(1), dark(2), lit(3))
-    result = s.driver.inventory(0.1)
+    result = s.driver.inventory(0.2)
     assert epcs(result) == [epc(1), epc(3)]
     assert isinstance(result, Inventory)
-    assert result.ended_ns - result.started_ns >= 0.1e9
+    assert result.ended_ns - result.started_ns >= 0.2e9
     for heard in result.tags:
         assert heard.count > 1
         assert heard.first_s is not None
@@ -51,17 +51,18 @@ def test_a_window_is_deaf_before_and_behind(stand: Callable[..., Stand]):
 
 def test_a_slow_tag_needs_a_longer_window(stand: Callable[..., Stand]):
     slow = dark(1)
-    slow.switch_on_ns = 250_000_000
+    slow.switch_on_ns = 1_000_000_000
     s = stand(slow)
     s.driver.probe()
-    s.scene.shine("laser", [epc(1)], time.time_ns())
+    lit_ns = time.time_ns()
+    s.scene.shine("laser", [epc(1)], lit_ns)
     assert epcs(s.driver.inventory(0.05)) == []
-    result = s.driver.inventory(0.6)
+    result = s.driver.inventory(1.5)
     assert epcs(result) == [epc(1)]
     assert isinstance(result, Inventory)
     [heard] = result.tags
     assert heard.first_s is not None
-    assert heard.first_s > 0.02
+    assert result.started_ns + heard.first_s * 1e9 == pytest.approx(lit_ns + 1e9, abs=0.2e9)
 
 
 def test_strays_and_phantoms_are_heard_as_readers_hear_them(stand: Callable[..., Stand]):
@@ -185,8 +186,8 @@ def test_out_of_write_range(stand: Callable[..., Stand]):
 def test_silence(stand: Callable[..., Stand], tags: tuple[Tag, ...], reason: str, detail: str):
     s = stand(*tags)
     for failed in (
-        s.driver.read_user(epc(1), 0, 2, 0.1),
-        s.driver.write_user(epc(1), 0, (1, 2), 0.1),
+        s.driver.read_user(epc(1), 0, 2, 0.3),
+        s.driver.write_user(epc(1), 0, (1, 2), 0.3),
     ):
         assert isinstance(failed, Failure)
         assert failed.reason == reason
