@@ -16,42 +16,52 @@ from tagmap.estimation.residuals import Weights
 from tagmap.estimation.restrict import restrict
 from tagmap.estimation.system import Point, System
 
+# Added to what is known of poses, so that those that could still move can be eliminated: as
+# little as rounding adds, of which the tags learn next to nothing.
+LOOSE = 1e-10
+
 
 def condense(problem: Problem, optimum: Optimum, old: Mask) -> tuple[Problem, State]:
-    """The problem and state without the poses `old` (N,), which live on in `condensed`.
-
-    Raises LinAlgError where those poses are not determined by the tags they see.
-    """
-    gone, kept = np.flatnonzero(old), np.flatnonzero(~old)
-    everything = np.arange(problem.n_tags)
-    part = replace(restrict(problem, gone, everything), condensed=None)
-    part = replace(part, surveyed=part.surveyed.take(np.zeros(0, dtype=np.int64)))
-    state = State(optimum.state.T[gone], optimum.state.p, optimum.state.calibration)
-    new = condensed_of(part, state, _of_poses(problem, optimum.weights, old))
-    left = replace(restrict(problem, kept, everything), condensed=merged(problem.condensed, new))
+    """The problem and state without the poses `old` (N,), which live on in `condensed`."""
+    kept = np.flatnonzero(~old)
+    left = restrict(problem, kept, np.arange(problem.n_tags))
+    left = replace(left, condensed=with_condensed(problem, optimum, old))
     return left, replace(optimum.state, T=optimum.state.T[kept])
 
 
-def condensed_of(problem: Problem, state: State, weights: Weights) -> Condensed:
-    """What the sightings of `problem`, without priors, say of tags and calibration alone."""
-    system = System(problem)
+def with_condensed(problem: Problem, optimum: Optimum, old: Mask) -> Condensed:
+    """What `problem` holds condensed, and what the poses `old` (N,) say besides.
+
+    Poses that the tags they see do not determine say what they can.
+    """
+    gone = np.flatnonzero(old)
+    part = replace(problem, condensed=None, surveyed=problem.surveyed.take(gone[:0]))
+    part = restrict(part, gone, np.arange(problem.n_tags))
+    system = System(part)
+    state = State(optimum.state.T[gone], optimum.state.p, optimum.state.calibration)
+    weights = _of_poses(problem, optimum.weights, old)
     point = system.at(system.values(state), system.belief(weights))
-    return condensed_at(problem, point, weights)
+    return merged(problem.condensed, condensed_at(part, point, weights, LOOSE))
 
 
-def factored(linear: Linear) -> tuple[Array, Array]:
+def factored(linear: Linear, damping: float = 0.0) -> tuple[Array, Array]:
     """L and D of A (tagmap.estimation.kernels.chain); LinAlgError if it is not definite."""
     n = len(linear.diagonal)
     L, D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
-    if not chain.factor(linear, 0.0, L, D, np.zeros((6, 6))):
+    if not chain.factor(linear, damping, L, D, np.zeros((6, 6))):
         raise np.linalg.LinAlgError("poses are not determined by the tags they see")
     return L, D
 
 
-def condensed_at(problem: Problem, point: Point, weights: Weights) -> Condensed:
-    """The same, linearised already."""
+def condensed_at(
+    problem: Problem, point: Point, weights: Weights, damping: float = 0.0
+) -> Condensed:
+    """What the sightings of a linearised problem, without priors, say of all but the poses.
+
+    damping: part by which what is known of each pose is raised.
+    """
     linear = point.linear
-    L, D = factored(linear)
+    L, D = factored(linear, damping)
     prior = problem.prior_sigma**-2.0
     offset = point.values.calibration - problem.prior_mean
     between, corner = linear.tag_calibration.copy(), linear.calibration - np.diag(prior)
@@ -106,8 +116,9 @@ def _of_poses(problem: Problem, weights: Weights, old: Mask) -> Weights:
 def _with_diagonal(
     rows: Index, columns: Index, blocks: Array, own: Array
 ) -> tuple[Index, Index, Array]:
-    """Each tag's own block added to the pair with itself; tags nobody saw have none."""
+    """Pairs ascending, each tag's own block added to that with itself; unseen tags have none."""
+    order = np.argsort(rows * len(own) + columns)
+    rows, columns, blocks = rows[order], columns[order], blocks[order]
     each = rows == columns
-    blocks = blocks.copy()
     blocks[each] += own[rows[each]]
     return rows, columns, blocks

@@ -16,18 +16,19 @@ import numpy as np
 from scipy import sparse
 
 from tagmap.conventions import Array, Index
+from tagmap.estimation.kernels import pairs
 from tagmap.geometry.alignment import align
 
 # Less than any tag is known by.
-STILL_M = 1e-4
+STILL_M = 1e-5
 
 
 @dataclass(frozen=True)
 class Condensed:
     """cost(x) = x' H x + 2 g' x + constant, of x = (p - p0, c - c0): tags, then calibration.
 
-    p (M, 3), calibration (Q,): p0 and c0. rows, columns (P,): pairs of tags, rows >= columns, with
-    blocks (P, 3, 3) of H; across (M, 3, Q), corner (Q, Q): the rest of H.
+    p (M, 3), calibration (Q,): p0 and c0. rows, columns (P,): pairs of tags, rows >= columns,
+    ascending, with blocks (P, 3, 3) of H; across (M, 3, Q), corner (Q, Q): the rest of H.
     pull (M, 3), calibration_pull (Q,): g. cost: the constant. n: sightings in it, of mean
     efficiency `worth` (tagmap.estimation.robust.efficient).
     """
@@ -50,6 +51,18 @@ class Condensed:
         """Of the tags (3 M, 3 M), both triangles."""
         return whole(self.rows, self.columns, self.blocks, len(self.p))
 
+    @cached_property
+    def own(self) -> tuple[Index, Array]:
+        """Tags that something is known of (n,), and their own blocks (n, 3, 3)."""
+        each = np.flatnonzero(self.rows == self.columns)
+        return self.rows[each], self.blocks[each]
+
+    def times(self, x: Array) -> Array:
+        """H x (M, 3) of x (M, 3): of the tags alone."""
+        out = np.zeros_like(x)
+        pairs.add_times(self.rows, self.columns, self.blocks, x, out)
+        return out
+
     def efficient(self) -> "Condensed":
         """As it counts for covariances."""
         scaled = {
@@ -59,32 +72,33 @@ class Condensed:
         return replace(self, **scaled)
 
     def aligned(self, p: Array) -> "Condensed":
-        """The same, moved as a rigid body to where the tags are now, p (M, d).
+        """The same, turned to where the tags are now, p (M, d).
 
         Sightings do not know where the map is nor how it is turned, and so neither does what is
-        left of them. Taken where it was, it would resist when the map as a whole is turned.
+        left of them. Taken as it was, it would resist when the map as a whole is turned far.
         """
         d = p.shape[1]
-        each = self.rows == self.columns
-        tags = self.rows[each]
-        weights = np.trace(self.blocks[each], axis1=1, axis2=2)
+        tags, blocks = self.own
+        weights = np.trace(blocks, axis1=1, axis2=2)
         heavy = weights > 0.0
         tags, weights = tags[heavy], weights[heavy]
         fit = align(self.p[tags, :d], p[tags], weights)
-        if not fit.determined or _is_still(fit.T_b_a, self.p[tags, :d]):
+        if not fit.determined or _is_small(fit.T_b_a, self.p[tags, :d]):
             return self
         R, t = np.eye(3), np.zeros(3)
         R[:d, :d], t[:d] = fit.T_b_a[:d, :d], fit.T_b_a[:d, d]
+        turned = np.empty_like(self.blocks)
+        pairs.turn(R, self.blocks, turned)
         return replace(
             self,
             p=self.p @ R.T + t,
-            blocks=R @ self.blocks @ R.T,
+            blocks=turned,
             across=R @ self.across,
             pull=self.pull @ R.T,
         )
 
     def among(self, tags: Index, n_tags: int) -> "Condensed":
-        """The same with numbers out of n_tags, in which these are `tags`."""
+        """The same with numbers out of n_tags, in which these are `tags`, ascending."""
         p, pull = np.zeros((n_tags, 3)), np.zeros((n_tags, 3))
         across = np.zeros((n_tags, 3, len(self.calibration)))
         p[tags], pull[tags], across[tags] = self.p, self.pull, self.across
@@ -93,29 +107,73 @@ class Condensed:
         )
 
     def take(self, tags: Index) -> "Condensed":
-        """Of the tags with these numbers, in their order; the others are taken as they are."""
+        """Of the tags with these numbers, ascending; the others are taken as they are."""
         new = np.full(len(self.p), -1, dtype=np.int64)
         new[tags] = np.arange(len(tags))
         both = (new[self.rows] >= 0) & (new[self.columns] >= 0)
-        rows, columns, blocks = new[self.rows[both]], new[self.columns[both]], self.blocks[both]
-        swapped = rows < columns
-        blocks[swapped] = np.swapaxes(blocks[swapped], -1, -2)
         return replace(
             self,
             p=self.p[tags],
-            rows=np.maximum(rows, columns),
-            columns=np.minimum(rows, columns),
-            blocks=blocks,
+            rows=new[self.rows[both]],
+            columns=new[self.columns[both]],
+            blocks=self.blocks[both],
             across=self.across[tags],
             pull=self.pull[tags],
         )
 
+    def with_unknowns(self, places: Index, values: Array) -> "Condensed":
+        """The same among more calibration unknowns, now at `values` (Q',), nothing known of these.
 
-def _is_still(T: Array, p: Array) -> bool:
-    """Whether the motion T (D, D) moves no point of p (n, d) by more than STILL_M."""
+        places (Q,): where those of before are among them.
+        """
+        calibration, pull = values.copy(), np.zeros(len(values))
+        across, corner = np.zeros((*self.pull.shape, len(values))), np.diag(pull)
+        calibration[places], pull[places] = self.calibration, self.calibration_pull
+        across[..., places], corner[np.ix_(places, places)] = self.across, self.corner
+        return replace(
+            self, calibration=calibration, calibration_pull=pull, across=across, corner=corner
+        )
+
+    def without_unknowns(self, calibration: Array) -> "Condensed":
+        """With the calibration unknowns taken to be at `calibration` (Q,)."""
+        c, none = calibration - self.calibration, np.zeros(0)
+        return replace(
+            self,
+            calibration=none,
+            calibration_pull=none,
+            across=self.across[..., :0],
+            corner=self.corner[:0, :0],
+            pull=self.pull + self.across @ c,
+            cost=float(self.cost + c @ (self.corner @ c + 2.0 * self.calibration_pull)),
+        )
+
+    def about(self, p: Array, calibration: Array) -> "Condensed":
+        """The same cost, written with other p0 (M, 3) and c0 (Q,)."""
+        x, c = p - self.p, calibration - self.calibration
+        by_tag = self.times(x) + self.across @ c
+        by_unknown = self.corner @ c + np.einsum("maq,ma->q", self.across, x)
+        along = np.vdot(x, by_tag + 2.0 * self.pull) + c @ (
+            by_unknown + 2.0 * self.calibration_pull
+        )
+        return replace(
+            self,
+            p=p,
+            calibration=calibration,
+            pull=self.pull + by_tag,
+            calibration_pull=self.calibration_pull + by_unknown,
+            cost=float(self.cost + along),
+        )
+
+
+def _is_small(T: Array, p: Array) -> bool:
+    """Whether the turn of T (D, D) is one to first order, to STILL_M at points p (n, d).
+
+    Shifts of all tags and turns to first order cost nothing as it is.
+    """
     d = p.shape[1]
-    moved = p @ T[:d, :d].T + T[:d, d] - p
-    return bool(np.abs(moved).max(initial=0.0) < STILL_M)
+    R = T[:d, :d]
+    second = 0.5 * (R + R.T) - np.eye(d)
+    return bool(np.abs((p - p.mean(axis=0)) @ second).max(initial=0.0) < STILL_M)
 
 
 def whole(rows: Index, columns: Index, blocks: Array, n_tags: int) -> sparse.csr_matrix:
@@ -131,40 +189,36 @@ def whole(rows: Index, columns: Index, blocks: Array, n_tags: int) -> sparse.csr
 
 
 def merged(old: Condensed | None, new: Condensed) -> Condensed:
-    """Both together, about the new one's values."""
+    """Both together, about the old one's values: what is new is less to carry over."""
     if old is None:
         return new
-    p, c = new.p - old.p, new.calibration - old.calibration
-    information = old.information
-    across = old.across.reshape(p.size, len(c))
-    by_tag = information @ p.ravel() + across @ c
-    by_unknown = old.corner @ c + across.T @ p.ravel()
-    pull, unknown_pull = old.pull.ravel(), old.calibration_pull
-    cost = old.cost + p.ravel() @ (by_tag + 2.0 * pull) + c @ (by_unknown + 2.0 * unknown_pull)
-    rows, columns, blocks = _summed(
-        np.concatenate([old.rows, new.rows]),
-        np.concatenate([old.columns, new.columns]),
-        np.concatenate([old.blocks, new.blocks]),
-    )
+    tags, _ = old.own
+    p = new.p.copy()
+    p[tags] = old.p[tags]
+    new = new.about(p, old.calibration)
+    rows, columns, blocks = _summed(old, new)
     return Condensed(
-        p=new.p,
-        calibration=new.calibration,
+        p=p,
+        calibration=old.calibration,
         rows=rows,
         columns=columns,
         blocks=blocks,
         across=old.across + new.across,
         corner=old.corner + new.corner,
-        pull=old.pull + by_tag.reshape(p.shape) + new.pull,
-        calibration_pull=old.calibration_pull + by_unknown + new.calibration_pull,
-        cost=float(cost + new.cost),
+        pull=old.pull + new.pull,
+        calibration_pull=old.calibration_pull + new.calibration_pull,
+        cost=old.cost + new.cost,
         n=old.n + new.n,
         worth=(old.n * old.worth + new.n * new.worth) / max(old.n + new.n, 1),
     )
 
 
-def _summed(rows: Index, columns: Index, blocks: Array) -> tuple[Index, Index, Array]:
+def _summed(old: Condensed, new: Condensed) -> tuple[Index, Index, Array]:
     """Blocks at the same pair added up."""
-    pairs, at = np.unique(np.stack([rows, columns]), axis=1, return_inverse=True)
-    total = np.zeros((pairs.shape[1], 3, 3))
-    np.add.at(total, at.ravel(), blocks)
-    return pairs[0], pairs[1], total
+    n_tags = len(old.p)
+    keys = [part.rows * n_tags + part.columns for part in (old, new)]
+    most = len(keys[0]) + len(keys[1])
+    key, blocks = np.empty(most, dtype=np.int64), np.empty((most, 3, 3))
+    n = pairs.add_sorted(keys[0], old.blocks, keys[1], new.blocks, key, blocks)
+    rows, columns = np.divmod(key[:n], max(n_tags, 1))
+    return rows, columns, blocks[:n]

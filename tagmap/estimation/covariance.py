@@ -72,9 +72,9 @@ class Marginals:
         rows, columns, blocks = eliminated(linear, self._L, self._D, between, corner)
         tags = whole(rows, columns, blocks, n_tags)
         each = np.arange(n_tags)
-        condensed = self._system.condensed
+        condensed = self._problem.condensed
         if condensed is not None:
-            tags = tags + condensed
+            tags = tags + condensed.information
             tags = tags + whole(each, each, self._sighted_and_own(), n_tags)
         else:
             tags = tags + whole(each, each, linear.tag_diagonal, n_tags)
@@ -84,8 +84,8 @@ class Marginals:
         """The tags' own blocks without what was condensed."""
         condensed, own = self._problem.condensed, self._point.linear.tag_diagonal.copy()
         assert condensed is not None
-        each = condensed.rows == condensed.columns
-        np.subtract.at(own, condensed.rows[each], condensed.blocks[each])
+        tags, blocks = condensed.own
+        own[tags] -= blocks
         return own
 
     def _border(self, between: Array, corner: Array) -> None:

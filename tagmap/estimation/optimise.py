@@ -1,5 +1,6 @@
 """Levenberg-Marquardt on the joint problem, with robust weights that sharpen as it goes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,8 @@ class Options:
 
     mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any;
     sharp: they are so from the beginning, as the state is the optimum of nearly the same problem.
-    renewals: of the preconditioner, at the first steps.
+    renewals: of the preconditioner, at the first steps. confirm: a further step must show that
+    there is nothing left to gain; otherwise it is enough that the last one did what it promised.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
@@ -40,6 +42,7 @@ class Options:
     robust: bool = True
     sharp: bool = False
     renewals: int = 1
+    confirm: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,20 +63,25 @@ def optimise(problem: Problem, state: State, options: Options) -> Optimum:
 
 
 class Optimiser:
-    """One run over one problem."""
+    """One run over one problem; `products`: with S, in all."""
 
     def __init__(
-        self, problem: Problem, options: Options, precondition: Precondition | None = None
+        self,
+        problem: Problem,
+        options: Options,
+        precondition: Callable[[Point], Precondition | None] | None = None,
     ) -> None:
+        """precondition: asked before every step for one that is kept from a similar problem."""
         self._problem, self._options = problem, options
         self._system = System(problem)
         self._reduced = Reduced(self._system)
-        self._reduced.precondition = precondition
+        self._precondition = precondition
         self._damping = DAMPING_FIRST
         self._mu = KEEP if options.robust else PLAIN
         self._regroupings = 0
         self._renewals = 0
         self._products = 0
+        self.products = 0
 
     def run(self, state: State) -> Optimum:
         point = self._first(state)
@@ -96,11 +104,6 @@ class Optimiser:
     def _lacks(self, point: Point) -> bool:
         """Whether least squares ended without some of its sightings: tags behind their cameras."""
         return self._mu == PLAIN and not point.belief.sightings.all()
-
-    @property
-    def precondition(self) -> Precondition | None:
-        """As it was at the end, for a problem that differs little."""
-        return self._reduced.precondition
 
     def _first(self, state: State) -> Point:
         values = self._system.values(state)
@@ -133,18 +136,27 @@ class Optimiser:
                     return point, True
                 step = self._reduced.step(0.1 * gain)
                 self._products = step.products
+                self.products += step.products
                 if self._sharp and step.predicted <= gain:
                     return point, True
                 trial = self._try(point, step)
                 if trial.asked <= point.cost:
                     self._damping = max(self._damping * 0.1, DAMPING_LEAST)
                     self._count_regrouping(point, trial)
-                    return trial, False
+                    return trial, self._as_promised(point, trial, step.predicted, gain)
                 point = self._system.at(point.values, point.belief)
             self._damping = max(self._damping * 10.0, 1e-9)
         return None
 
+    def _as_promised(self, point: Point, trial: Point, predicted: float, gain: float) -> bool:
+        """Whether what the linear model left out is nothing that a further step would gain."""
+        if self._options.confirm or not self._sharp or not _same(point.belief, trial.belief):
+            return False
+        return abs(point.cost - trial.asked - predicted) <= gain
+
     def _prepare(self, point: Point, gauge: Array | None) -> bool:
+        if self._precondition is not None:
+            self._reduced.precondition = self._precondition(point)
         few = self._renewals < self._options.renewals
         renew = few or self._products > MANY_PRODUCTS
         self._renewals += renew

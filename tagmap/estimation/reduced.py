@@ -164,7 +164,10 @@ class Reduced:
         return Step(poses, tags, unknowns, predicted, products)
 
     def _conjugate_gradients(self, enough: float) -> tuple[Array, int]:
-        """Stops when two products together gained too little to go on."""
+        """Stops when what is left is too little, or two products together gained no more.
+
+        What x can still gain is less than r' z, as the preconditioner knows less than S.
+        """
         x, r = np.zeros_like(self._rhs), self._rhs.copy()
         z = self._preconditioned(r)
         p, rz = z.copy(), float(r @ z)
@@ -178,10 +181,13 @@ class Reduced:
             x += along * p
             r -= along * q
             gains.append(along * rz)
-            if len(gains) > 1 and sum(gains[-2:]) < enough + LEFT_OVER * sum(gains):
+            little = enough + LEFT_OVER * sum(gains)
+            if len(gains) > 1 and sum(gains[-2:]) < little:
                 break
             z = self._preconditioned(r)
             following = float(r @ z)
+            if following < little:
+                break
             p = z + (following / rz) * p
             rz = following
         return x, len(gains)
@@ -199,8 +205,9 @@ class Reduced:
         linear, m = self._linear, 3 * len(self._own)
         tags, unknowns = x[:m].reshape(-1, 3), x[m:]
         out = np.concatenate([(self._own @ tags[:, :, None]).ravel(), self._calibration @ unknowns])
-        if self._system.condensed is not None:
-            out[:m] += self._system.condensed @ x[:m]
+        condensed = self._system.problem.condensed
+        if condensed is not None:
+            out[:m] += condensed.times(tags).ravel()
         if len(unknowns):
             between = linear.tag_calibration.reshape(m, len(unknowns))
             out[:m] += between @ unknowns

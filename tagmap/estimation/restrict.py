@@ -6,6 +6,7 @@ import numpy as np
 
 from tagmap.conventions import Index
 from tagmap.estimation.problem import Odometry, Problem, Sightings, Surveyed
+from tagmap.estimation.unknowns import Unknown
 
 
 def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
@@ -13,6 +14,8 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
 
     An odometry step stays where both its poses do; a sighting where its pose and its tag do.
     """
+    if len(poses) == problem.n_poses and len(tags) == problem.n_tags:
+        return problem
     new_tag = _renumbering(problem.n_tags, tags)
     return replace(
         problem,
@@ -27,11 +30,36 @@ def restrict(problem: Problem, poses: Index, tags: Index) -> Problem:
 
 def without_calibration(problem: Problem) -> Problem:
     """The problem with every sensor taken to be as stated."""
+    condensed = problem.condensed
     return replace(
         problem,
         sightings=tuple(replace(block, unknowns=(), twist=None) for block in problem.sightings),
         odometry=replace(problem.odometry, unknowns=None),
         calibration=(),
+        condensed=condensed and condensed.without_unknowns(problem.prior_mean),
+    )
+
+
+def with_unknowns(problem: Problem, known: tuple[Unknown, ...]) -> Problem:
+    """The same with these calibration unknowns first, then others of its own; the widest priors."""
+    places = {(unknown.name, unknown.robot): i for i, unknown in enumerate(known)}
+    unknowns = list(known)
+    for unknown in problem.calibration:
+        at = places.setdefault((unknown.name, unknown.robot), len(unknowns))
+        if at == len(unknowns):
+            unknowns.append(unknown)
+        elif unknown.sigma > unknowns[at].sigma:
+            unknowns[at] = unknown
+    new = np.array([places[u.name, u.robot] for u in problem.calibration] + [-1], dtype=np.int64)
+    steps = problem.odometry
+    return replace(
+        problem,
+        sightings=tuple(
+            replace(block, unknowns=tuple(new[list(block.unknowns)].tolist()))
+            for block in problem.sightings
+        ),
+        odometry=steps if steps.unknowns is None else replace(steps, unknowns=new[steps.unknowns]),
+        calibration=tuple(unknowns),
     )
 
 
@@ -66,8 +94,10 @@ def _odometry(odometry: Odometry, poses: Index) -> Odometry:
     if not len(part.first):
         return part
     first, following = _among(part.first, poses), _among(part.first + 1, poses)
-    kept = np.flatnonzero((first >= 0) & (following >= 0))
-    return replace(part.take(kept), first=first[kept])
+    kept = (first >= 0) & (following >= 0)
+    if kept.all():
+        return replace(part, first=first)
+    return replace(part.take(np.flatnonzero(kept)), first=first[kept])
 
 
 def _sightings(block: Sightings, poses: Index, new_tag: Index) -> Sightings:
@@ -75,8 +105,10 @@ def _sightings(block: Sightings, poses: Index, new_tag: Index) -> Sightings:
     if not len(part):
         return part
     pose, tag = _among(part.pose, poses), new_tag[part.tag]
-    kept = np.flatnonzero((pose >= 0) & (tag >= 0))
-    return replace(part.take(kept), pose=pose[kept], tag=tag[kept])
+    kept = (pose >= 0) & (tag >= 0)
+    if kept.all():
+        return replace(part, pose=pose, tag=tag)
+    return replace(part.take(np.flatnonzero(kept)), pose=pose[kept], tag=tag[kept])
 
 
 def _surveyed(surveyed: Surveyed, new_tag: Index) -> Surveyed:

@@ -75,7 +75,6 @@ class System:
         self.packed = pack(problem)
         self.n_columns = len(problem.calibration)
         self._room = empty(self.packed, problem.n_tags, self.n_columns)
-        self.condensed = None if problem.condensed is None else problem.condensed.information
         surveyed, d = problem.surveyed, problem.tag_dof
         self._survey = np.zeros((len(surveyed), 3, 3))
         self._survey[:, :d, :d] = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
@@ -190,20 +189,14 @@ class System:
         condensed = self.problem.condensed
         if condensed is None:
             return 0.0
-        assert self.condensed is not None
-        p, c = values.p - condensed.p, values.calibration - condensed.calibration
-        across = condensed.across.reshape(p.size, len(c))
-        by_tag = self.condensed @ p.ravel() + across @ c
-        by_unknown = condensed.corner @ c + across.T @ p.ravel()
-        linear.tag_gradient[:] += condensed.pull + by_tag.reshape(p.shape)
-        linear.calibration_gradient[:] += condensed.calibration_pull + by_unknown
-        each = condensed.rows == condensed.columns
-        np.add.at(linear.tag_diagonal, condensed.rows[each], condensed.blocks[each])
+        here = condensed.about(values.p, values.calibration)
+        linear.tag_gradient[:] += here.pull
+        linear.calibration_gradient[:] += here.calibration_pull
+        tags, own = condensed.own
+        linear.tag_diagonal[tags] += own
         linear.tag_calibration[:] += condensed.across
         linear.calibration[:] += condensed.corner
-        quadratic = p.ravel() @ by_tag + c @ by_unknown
-        along = p.ravel() @ condensed.pull.ravel() + c @ condensed.calibration_pull
-        return float(condensed.cost + quadratic + 2.0 * along)
+        return here.cost
 
     def _add_calibration_prior(self, linear: Linear, values: Values) -> Array:
         information = self.problem.prior_sigma**-2.0

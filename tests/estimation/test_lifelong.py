@@ -96,9 +96,9 @@ def test_a_robot_that_comes_back_is_laid_onto_the_map(kind: Kind) -> None:
     ids = np.union1d(life.ids, np.arange(120, 240))
     life.update(restrict(problem, ids, everything), ids, nothing[ids])
     batch = optimise(problem, State(T, p, np.zeros(0)), PLAIN)
-    placed = life.ids >= 120
-    assert placed.sum() > 60
-    off = life.T[placed][:, :-1, -1] - batch.state.T[life.ids[placed]][:, :-1, -1]
+    np.testing.assert_array_equal(life.solved[life.solved >= 120], np.arange(120, 240))
+    assert life.last is not None
+    off = life.last[1].state.T[:, :-1, -1] - batch.state.T[life.solved][:, :-1, -1]
     assert np.linalg.norm(off, axis=1).max() < 0.05
 
 

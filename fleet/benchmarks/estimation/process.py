@@ -21,7 +21,7 @@ from tagmap.errors import DataError
 Start: TypeAlias = Literal["noisy_truth", "dead_reckoning", "plain_alignment", "front_end"]
 STARTS: tuple[Start, ...] = get_args(Start)
 Solver: TypeAlias = Literal["ours", "gtsam"]
-Updater: TypeAlias = Literal["isam2"]
+Updater: TypeAlias = Literal["ours", "isam2"]
 Runs: TypeAlias = dict[str, list[float] | str]
 
 ONE_THREAD = {
@@ -61,7 +61,8 @@ Task: TypeAlias = Batch | Updates
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """times_s: whole solves, or updates, first to last; import_s: until the first could begin.
+    """times_s: whole solves, or updates, first to last; import_s: until the first could begin;
+    settle_s: what was done once after the last update.
 
     cost: sum of squared whitened residuals; None where a tag is left behind a camera that saw it.
     converged: whether the solver says so. peak_mb: by how much memory grew at most in the first
@@ -75,6 +76,7 @@ class Outcome(msgspec.Struct, frozen=True):
     iterations: int
     converged: bool
     peak_mb: float | None
+    settle_s: float = 0.0
 
 
 def solvers() -> tuple[Solver, ...]:
