@@ -164,9 +164,9 @@ class Reduced:
         return Step(poses, tags, unknowns, predicted, products)
 
     def _conjugate_gradients(self, enough: float) -> tuple[Array, int]:
-        """Stops when what is left is too little, or two products together gained no more.
+        """Stops when two products together gained too little to go on, or nothing is left to gain.
 
-        What x can still gain is less than r' z, as the preconditioner knows less than S.
+        It is less than r' z, as the preconditioner knows less than S.
         """
         x, r = np.zeros_like(self._rhs), self._rhs.copy()
         z = self._preconditioned(r)
@@ -181,12 +181,11 @@ class Reduced:
             x += along * p
             r -= along * q
             gains.append(along * rz)
-            little = enough + LEFT_OVER * sum(gains)
-            if len(gains) > 1 and sum(gains[-2:]) < little:
+            if len(gains) > 1 and sum(gains[-2:]) < enough + LEFT_OVER * sum(gains):
                 break
             z = self._preconditioned(r)
             following = float(r @ z)
-            if following < little:
+            if following < enough:
                 break
             p = z + (following / rz) * p
             rz = following

@@ -106,8 +106,8 @@ def assembled(system: System, point: Point) -> tuple[Array, Array]:
         H[at : at + 3, unknowns] = linear.tag_calibration[t]
         H[unknowns, at : at + 3] = linear.tag_calibration[t].T
     H[np.ix_(unknowns, unknowns)] = linear.calibration
-    if system.condensed is not None:
-        between = system.condensed.toarray().reshape(m, 3, m, 3)
+    if system.problem.condensed is not None:
+        between = system.problem.condensed.information.toarray().reshape(m, 3, m, 3)
         between[np.arange(m), :, np.arange(m), :] = 0.0
         H[6 * n : 6 * n + 3 * m, 6 * n : 6 * n + 3 * m] += between.reshape(3 * m, 3 * m)
     g = np.concatenate(
