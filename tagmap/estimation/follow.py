@@ -35,10 +35,9 @@ def followed(
             still, same = np.zeros_like(values.p), np.zeros_like(values.calibration)
             trial = system.at(system.moved(values, step, still, same), belief)
             if trial.asked <= point.cost:
-                system.release(point)
                 point, damping = trial, max(0.1 * damping, DAMPING_LEAST)
                 continue
-            system.release(trial)
+            point = system.at(point.values, belief)
         damping *= 10.0
     return system.state(point.values)
 

@@ -19,7 +19,7 @@ from tagmap.estimation.problem import Problem
 from tagmap.estimation.reduced import REGULAR, Precondition
 from tagmap.estimation.system import Point
 
-MOST_COLUMNS = 3000
+MOST_COLUMNS = 6000
 """What is larger is left to the sparse preconditioner of tagmap.estimation.reduced."""
 # Tags stand alone that have moved so far, as what one sighting leaves open the others know well,
 # or of which so many times as much is known. It serves until these are more than a share.

@@ -54,7 +54,7 @@ class Lifelong:
     """
 
     def __init__(self, options: Options | None = None, span: Span | None = None) -> None:
-        self._options = replace(options or Options(tolerance=1e-6), confirm=False, renewals=0)
+        self._options = replace(options or Options(tolerance=1e-6), confirm=False)
         self._span = span or Span()
         self.ids: Index = np.zeros(0, dtype=np.int64)
         self.solved: Index = self.ids

@@ -155,8 +155,10 @@ class Optimiser:
         return abs(point.cost - trial.asked - predicted) <= gain
 
     def _prepare(self, point: Point, gauge: Array | None) -> bool:
-        if self._precondition is not None:
-            self._reduced.precondition = self._precondition(point)
+        kept = None if self._precondition is None else self._precondition(point)
+        if kept is not None:
+            self._reduced.precondition = kept
+            return self._reduced.prepare(point, self._damping, False, gauge)
         few = self._renewals < self._options.renewals
         renew = few or self._products > MANY_PRODUCTS
         self._renewals += renew
