@@ -12,8 +12,8 @@ import numpy as np
 from tagmap.conventions import Array, Index, Mask
 from tagmap.estimation.condense import with_condensed
 from tagmap.estimation.condensed import Condensed
-from tagmap.estimation.newcomers import place, points_where
 from tagmap.estimation.kept import Kept
+from tagmap.estimation.newcomers import place, points_where
 from tagmap.estimation.optimise import Optimiser, Optimum, Options
 from tagmap.estimation.points import fit_tags
 from tagmap.estimation.problem import Problem, State

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array, Index, Mask
+from tagmap.estimation.local_maps import LEAST_SIGMA_M, local_map
 from tagmap.estimation.merge import LocalMap, align_maps
-from tagmap.estimation.points import Points, fit_tags, points_of
+from tagmap.estimation.points import Points, points_of
 from tagmap.estimation.problem import Problem, lie
 from tagmap.estimation.restrict import without_calibration
-from tagmap.estimation.start import LEAST_SIGMA_M
 
 
 def place(problem: Problem, T: Array, T_given: Array | None, p: Array) -> None:
@@ -83,9 +83,8 @@ def _laid(problem: Problem, own: Array, first: int, p: Array) -> Array | None:
             for block in problem.sightings
         ],
     )
-    fit = fit_tags(seen.of_poses(first, last), own, problem.n_tags)
-    tags, mapped = np.flatnonzero(fit.determined), np.flatnonzero(known)
-    local = LocalMap(tags, fit.p[tags], np.full(len(tags), LEAST_SIGMA_M))
+    mapped = np.flatnonzero(known)
+    local = local_map(seen.of_poses(first, last), own, problem.n_tags)
     target = LocalMap(mapped, p[mapped], np.full(len(mapped), LEAST_SIGMA_M))
     found = align_maps(problem.kind, local, target)
     return None if found is None else found.T
