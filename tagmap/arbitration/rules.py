@@ -56,7 +56,8 @@ def interfere(a: Station, b: Station, rules: Rules) -> bool:
     """
     if a.p_m is None or b.p_m is None:
         return True
-    apart_m = math.dist(*zip(*zip(a.p_m, b.p_m, strict=False), strict=True))
+    n = min(len(a.p_m), len(b.p_m))
+    apart_m = math.dist(a.p_m[:n], b.p_m[:n])
     driven_m = 2.0 * rules.speed_mps * rules.withheld_s(rules.max_lease_s)
     nearest_m = apart_m - a.radius_m - b.radius_m - driven_m
     ranges_m = [

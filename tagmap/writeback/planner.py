@@ -221,7 +221,8 @@ class Planner:
         known.pause_ns = now_ns + round(pause_s * SECOND_NS)
 
     def _state(self, tag: str) -> MemoryState:
-        known, wanted, out = self._of(tag), self.wanted.get(tag), self._open.get(tag)
+        known = self._memories.get(tag) or _Memory()
+        wanted, out = self.wanted.get(tag), self._open.get(tag)
         if known.held is None:
             return MemoryState(tag, "unread")
         if out is not None:

@@ -44,6 +44,10 @@ def test_a_day_of_an_administrator(run):
     assert [tag["tag"] for tag in tags] == ["2", "3"]
     assert tags[0]["p_m"] == pytest.approx([-2.0, 2.0], abs=0.02)
     assert run("tags", "list", "--version", "1")["gauge"] == "floating"
+    memories = run("tags", "list", "--memory")["tags"]
+    assert [(one["tag"], one["state"]) for one in memories] == [(t, "unread") for t in "1234"]
+    assert "0 of 4" in run("tags", "list", "--memory", as_json=False).stdout
+    assert run("tags", "list", "--memory", "--state", "mapped").returncode == 2
     shown = run("tags", "show", "2")
     assert (shown["state"], shown["survey"]["sigma_m"]) == ("surveyed", 0.001)
 
