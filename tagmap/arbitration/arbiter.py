@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from tagmap.arbitration.grants import Grants
 from tagmap.arbitration.rules import SECOND_NS, Rules, Station, interfere
 
+MOST_STATIONS = 16
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -92,7 +94,8 @@ class Arbiter:
         """
         held = self.held[robot]
         if station not in held.stations:
-            if self._interferes_with_holders(robot, station):
+            is_full = len(held.stations) == MOST_STATIONS
+            if is_full or self._interferes_with_holders(robot, station):
                 return self._later(held.until_ns - now_ns)
             held.stations.append(station)
         left_s = (held.until_ns - now_ns) / SECOND_NS

@@ -155,6 +155,13 @@ def test_where_a_holder_was_first_counts_until_the_end():
     assert clock.ask("r4", Station((0.0, 300.0, 0.0))).lease is not None
 
 
+def test_nobody_is_told_again_for_ever():
+    clock = Clock()
+    told = [clock.ask("r1", Station((0.01 * i, 0.0, 0.0))).lease for i in range(40)]
+    assert None not in told[:16]
+    assert set(told[16:]) == {None}
+
+
 def test_giving_back_what_one_does_not_have():
     clock = Clock()
     held = clock.ask("r1")
