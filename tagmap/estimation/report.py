@@ -9,7 +9,7 @@ from tagmap.estimation.settle import INLIER_WEIGHT, Settled
 from tagmap.estimation.solution import RejectedStep
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import LEAST_SURVEYED, survey_map
-from tagmap.estimation.verdicts import verdicts
+from tagmap.estimation.verdicts import rejected_steps
 
 MOST_NAMED = 5
 ENOUGH = 2
@@ -68,9 +68,9 @@ def _sessions(settled: Settled) -> Iterator[str]:
 def _tags_by_session(stacked: Stacked) -> list[set[int]]:
     seen: list[set[int]] = [set() for _ in stacked.sessions]
     for block in stacked.problem.sightings:
-        session = np.searchsorted(stacked.bounds, block.pose, side="right") - 1
-        for pair in np.unique(np.stack([session, block.tag]), axis=1).T:
-            seen[pair[0]].add(int(pair[1]))
+        bounds = np.searchsorted(block.pose, stacked.bounds)
+        for own, begin, end in zip(seen, bounds[:-1], bounds[1:], strict=True):
+            own.update(np.unique(block.tag[begin:end]).tolist())
     return seen
 
 
@@ -99,7 +99,7 @@ def _why(seen: int, from_map: int) -> str:
 def _steps(settled: Settled) -> Iterator[str]:
     """Odometry that the tags contradict, one line per session."""
     found: dict[tuple[str, str], list[RejectedStep]] = {}
-    for step in verdicts(settled).steps:
+    for step in rejected_steps(settled):
         found.setdefault((step.robot, step.session), []).append(step)
     for (robot, session), steps in found.items():
         worst = sorted(steps, key=lambda step: -step.chi2)[:MOST_NAMED]
