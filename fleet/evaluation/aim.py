@@ -10,8 +10,13 @@ from tagmap.geometry.scanner.scanner import Scanner, point
 
 def aim_error_m(found: Scanner, truth: Scanner, p_cam: Array) -> float:
     """RMS miss of true targets (N, 3): aimed at with what was found, beams of the truth."""
-    there = point(truth, true_angles(found, p_cam), p_cam)
-    return float(np.sqrt(np.mean((there.off**2).sum(axis=-1))))
+    return rms_miss_m(truth, true_angles(found, p_cam), p_cam)
+
+
+def rms_miss_m(truth: Scanner, theta: Array, p_cam: Array) -> float:
+    """The same for mirror angles (N, 2), however they were found."""
+    off = point(truth, theta, p_cam).off
+    return float(np.sqrt(np.mean((off**2).sum(axis=-1))))
 
 
 def aim_bound_m(truth: Scanner, sampled_at: Array, noise: Noise, p_cam: Array) -> float:

@@ -1,16 +1,22 @@
 """Scanners that are off in every way, and samples of their beams, to try calibrations."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from robot_agent.calibration.scanner.fit import Noise
+from robot_agent.calibration.scanner.online import Hit
 from robot_agent.calibration.scanner.samples import Samples
 from tagmap.conventions import Array
 from tagmap.geometry import se3
 from tagmap.geometry.scanner.inverse import angles_to
 from tagmap.geometry.scanner.mirrors import Mirrors
-from tagmap.geometry.scanner.scanner import MODELS, Scanner
+from tagmap.geometry.scanner.scanner import MODELS, Scanner, point
 
 NOISE = Noise(theta_rad=3e-4, point_m=2e-3)
+SIGMA_MIDDLE_M = 1e-3
+TAG_RADIUS_M = 0.02
+"""Within which a beam of some width lights a tag."""
 SKEW_RAD, OFFSET_M, ASKEW_RAD = np.radians(2.0), 3e-3, np.radians(1.0)
 SEPARATION_M = (0.01, 0.03)
 FIELD = np.array([0.36, 0.27])
@@ -70,3 +76,30 @@ def sampled(
         p_cam + noise.point_m * rng.standard_normal(p_cam.shape),
         np.arange(2, 2 + len(p_cam)),
     )
+
+
+def turned(scanner: Scanner, turn_rad: Array) -> Scanner:
+    """With its mount turned by turn_rad (3,) about the axes of laser."""
+    T_cam_laser = scanner.T_cam_laser @ se3.exp(np.concatenate([np.zeros(3), turn_rad]))
+    return replace(scanner, T_cam_laser=T_cam_laser)
+
+
+def seen(rng: np.random.Generator) -> tuple[Array, Array]:
+    """A target (3,), and where it is measured."""
+    p_cam = anywhere(rng, 1)[0]
+    return p_cam, p_cam + NOISE.point_m * rng.standard_normal(3)
+
+
+def hit_of(truth: Scanner, p_cam: Array, p_seen: Array, rng: np.random.Generator) -> Hit:
+    """The middle of what lights a target, as probing would find it."""
+    lit = true_angles(truth, p_cam)
+    by_theta = point(truth, lit, p_cam).by_theta
+    probed = np.linalg.solve(by_theta, SIGMA_MIDDLE_M * rng.standard_normal(2))
+    theta = lit + probed + NOISE.theta_rad * rng.standard_normal(2)
+    return Hit(theta, p_seen, NOISE.point_m**2 * np.eye(3), NOISE.theta_rad, SIGMA_MIDDLE_M)
+
+
+def misses(known: Scanner, truth: Scanner, p_cam: Array) -> bool:
+    """Whether beams aimed with what is known leave any of the tags (N, 3) dark, noise apart."""
+    off = point(truth, true_angles(known, p_cam), p_cam).off
+    return bool(((off**2).sum(axis=-1) > TAG_RADIUS_M**2).any())

@@ -7,7 +7,7 @@ from itertools import chain
 from operator import attrgetter
 
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, structs
 
 from tagmap.conventions import TAG_DOF, Array, Form, Index, Kind
 from tagmap.geometry import se2, se3
@@ -129,6 +129,16 @@ def drive(limits: DriveLimits) -> Drive:
 
 def mirror_record(mirrors: Mirrors) -> MirrorCalibration:
     return MirrorCalibration(**dict(zip(PARAMETERS, mirrors.values.tolist(), strict=True)))
+
+
+def with_scanner(calibration: ScannerCalibration, found: Scanner) -> ScannerCalibration:
+    """The calibration with what was found since; the model stays."""
+    return structs.replace(
+        calibration,
+        T_cam_laser=transform(found.T_cam_laser),
+        mirrors=mirror_record(found.mirrors),
+        cov=upper(found.cov),
+    )
 
 
 def measurement_blocks(measurements: Sequence[Measurement]) -> list[MeasurementBlock]:

@@ -10,7 +10,14 @@ import pytest
 
 from tagmap.errors import ConfigError
 from tagmap.geometry.scanner.mirrors import PARAMETERS
-from tagmap.records.arrays import drive, mirror_record, scanner, transform, upper
+from tagmap.records.arrays import (
+    drive,
+    mirror_record,
+    scanner,
+    transform,
+    upper,
+    with_scanner,
+)
 from tagmap.records.scanner import DriveLimits, MirrorCalibration, ScannerCalibration
 from tagmap.records.scanner_file import read_scanner, write_scanner
 from tests.geometry.scanners import SCANNER
@@ -41,6 +48,13 @@ def test_the_record_is_the_scanner() -> None:
     np.testing.assert_array_equal(found.cov, SCANNER.cov)
     assert MirrorCalibration.__struct_fields__ == PARAMETERS
     assert drive(DriveLimits()).limits_rad.tolist() == [[-0.34, 0.34], [-0.34, 0.34]]
+
+
+def test_what_was_found_since_is_kept() -> None:
+    moved = SCANNER.moved(np.full(12, 1e-3))
+    again = scanner(with_scanner(RECORD, moved))
+    np.testing.assert_allclose(again.mirrors.values, moved.mirrors.values)
+    np.testing.assert_allclose(again.T_cam_laser, moved.T_cam_laser, atol=1e-12)
 
 
 WRONG = {

@@ -102,7 +102,8 @@ def _require_good(model: str, samples: Samples, judged: Judged) -> None:
     if good < GOOD_SHARE * len(samples):
         raise DataError(
             f"{good} of {len(samples)} samples agree on a scanner, expected at least two thirds;"
-            f" are theta1_rad, theta2_rad the angles of mirrors X, Y, and targets in m in cam?"
+            " are theta1_rad, theta2_rad the angles of mirrors X, Y, not of the beam, does one of"
+            " them count the other way, are targets in m in cam?"
         )
 
 

@@ -41,11 +41,9 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A scanner with the covariance that the noise implies, and off (N, 2) of all samples in m;
-    `converged` or out of steps."""
+    """A scanner with the covariance that the noise implies; `converged` or out of steps."""
 
     scanner: Scanner
-    off_m: Array
     converged: bool
 
 
@@ -77,8 +75,7 @@ def fit(start: Scanner, samples: Samples, noise: Noise, weights: Array | None = 
             scanner, cost, H, g, damping = tried, new_cost, new_H, new_g, 0.1 * damping
         if converged:
             break
-    there = point(scanner, samples.theta, samples.p_cam)
-    return Fit(replace(scanner, cov=_inverse(H)), there.off, converged)
+    return Fit(replace(scanner, cov=_inverse(H)), converged)
 
 
 def _normal(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from robot_agent.calibration.scanner.calibration import AimCalibration, HeldOut
+from tagmap.conventions import Array
 from tagmap.geometry.scanner.mirrors import PARAMETERS
 from tagmap.records.arrays import mirror_record, transform, upper
 from tagmap.records.scanner import DriveLimits, ScannerCalibration
@@ -60,8 +61,9 @@ def as_remarks(calibration: AimCalibration) -> dict[str, str]:
     return remarks
 
 
-def _sigmas(calibration: AimCalibration) -> Any:
-    return np.sqrt(np.diag(calibration.scanner.cov))
+def _sigmas(calibration: AimCalibration) -> Array:
+    sigma: Array = np.sqrt(np.diag(calibration.scanner.cov))
+    return sigma
 
 
 def _summary(calibration: AimCalibration) -> list[str]:

@@ -5,7 +5,7 @@ counts from which the median sample is seen best. What a pinhole neglects are ce
 
 The thesis solves 3.5-3.9 linearly instead. Measured on grids and random samples: from the null
 vector of [U, -D / d], which its least squares should have been, the same optimum is reached as long
-as all samples are good; one bad sample in thirty ruins it, and so do targets on one wall.
+as all samples are good; one bad sample in thirty ruins it.
 """
 
 import numpy as np

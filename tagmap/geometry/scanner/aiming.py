@@ -83,6 +83,15 @@ def _span_v(drive: Drive) -> tuple[float, float]:
     return max(least, low), min(most, high - drive.v_per_step)
 
 
+def beside(scanner: Scanner, theta: Array, p_cam: Array, offsets_m: Array) -> Array:
+    """Mirror angles (..., 2) whose beams pass targets (..., 3) by offsets_m (..., 2) beside where
+    those of theta (..., 2) do, across the beam, about along x and z of laser: for searching."""
+    by_theta = point(scanner, theta, p_cam).by_theta
+    # The target stays where it is: a beam that moves one way sees it move the other way.
+    moved = np.linalg.solve(-by_theta, offsets_m[..., None])[..., 0]
+    return theta + moved
+
+
 def why_not(drive: Drive, aims: Aims, p_cam: Array) -> str | None:
     """Of one target (3,): what, got and expected with units, or None where it can be reached."""
     refused = Refused(int(aims.refused))
