@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     "--drive",
     metavar="FILE.toml",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Take [drive] from there: limits, volts, converter.  [default: a common galvo]",
+    help="Take [drive] from there: limits, volts, converter.  [default: what SCANNER.toml has]",
 )
 @click.option(
     "--sigma-theta-rad",
@@ -78,7 +78,9 @@ def scanner(
 
     try:
         require_place(out)
-        limits = read_drive(drive) if drive else DriveLimits()
+        # Limits keep mirrors and people safe: they are not reset by the way.
+        kept = drive or (out if out.exists() else None)
+        limits = read_drive(kept) if kept else DriveLimits()
         found = calibrate_file(model, samples, Noise(sigma_theta_rad, sigma_point_m))
         made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         record = as_record(found, limits, made, by=f"robot-agent {tagmap.__version__}")

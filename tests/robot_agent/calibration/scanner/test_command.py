@@ -80,6 +80,8 @@ def test_the_drive_is_taken_from_a_file(grid_of, write_samples, tmp_path: Path) 
     assert read_scanner(again).drive == read_scanner(first).drive
     assert read_scanner(first).drive.limits_v == (-5.0, 5.0)
     assert read_scanner(first).drive.dac_v == (-10.0, 10.0)
+    assert run(samples, first).exit_code == 0
+    assert read_scanner(first).drive == read_scanner(again).drive
 
 
 def refused(samples: Path, out: Path, *options: str) -> str:
