@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tagmap.conventions import Array
+from tagmap.conventions import Array, Kind
 from tagmap.estimation.problem import Problem
 
 
@@ -21,13 +21,15 @@ def free_directions(problem: Problem, p: Array) -> Array | None:
 
 def rigid_motions(problem: Problem, p: Array) -> Array:
     """Columns (3 M + Q, g): translations, then rotations about the tags' centroid."""
+    motions = motions_of(problem.kind, p)
+    return np.vstack([motions, np.zeros((len(problem.calibration), motions.shape[1]))])
+
+
+def motions_of(kind: Kind, p: Array) -> Array:
+    """The same of points p (M, 3) alone: (3 M, g)."""
     centred = p - p.mean(axis=0)
     axes = np.eye(3)
-    if problem.kind == "planar":
-        shifts, turns = axes[:2], axes[2:]
-    else:
-        shifts, turns = axes, axes
+    shifts, turns = (axes[:2], axes[2:]) if kind == "planar" else (axes, axes)
     columns = [np.tile(axis, len(p)) for axis in shifts]
     columns += [np.cross(axis, centred).ravel() for axis in turns]
-    motions = np.stack(columns, axis=1)
-    return np.vstack([motions, np.zeros((len(problem.calibration), motions.shape[1]))])
+    return np.stack(columns, axis=1)

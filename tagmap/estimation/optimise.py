@@ -28,7 +28,8 @@ class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
     mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any;
-    sharp: they are so from the beginning, as the state is the optimum of nearly the same problem.
+    sharp: they are so from the beginning, as the state is the optimum of nearly the same problem;
+    first_mu: where they begin otherwise, None: as blunt as the start is bad.
     renewals: of the preconditioner, at the first steps. confirm: a further step must show that
     there is nothing left to gain; otherwise it is enough that the last one did what it promised.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
@@ -41,6 +42,7 @@ class Options:
     max_regroupings: int = 20
     robust: bool = True
     sharp: bool = False
+    first_mu: float | None = None
     renewals: int = 1
     confirm: bool = True
 
@@ -110,12 +112,12 @@ class Optimiser:
         point = self._system.at(values, self._system.certain())
         if not self._options.robust:
             return point
-        sighted = self._system.packed.sighted
+        sighted, given = self._system.packed.sighted, self._options.first_mu
         if self._options.sharp:
             self._mu = robust.SHARPEST
         else:
             c2 = sighted.c2[sighted.block[sighted.how]]
-            self._mu = robust.first_mu(point.squares.sightings, c2)
+            self._mu = given or robust.first_mu(point.squares.sightings, c2)
         return self._system.at(values, point.belief, self._kernel_mu())
 
     @property

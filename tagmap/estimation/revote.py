@@ -82,11 +82,11 @@ def _homeless(votes: Votes, points: Points, start: Start, p: Array) -> Mask:
     n, seen = _agreeing(points, start.T, p), np.bincount(points.tag, minlength=len(p))
     ever = np.bincount(votes.points.tag[start.placed[votes.points.pose]], minlength=len(p))
     wrong = ((seen - n >= n) | (n < LEAST_AGREEING)) & (ever > n + 1)
-    homeless: Mask = wrong & (_chance(n, ever - n, int(start.mapped.sum())) > CHANCE)
+    homeless: Mask = wrong & (chance_of(n, ever - n, int(start.mapped.sum())) > CHANCE)
     return homeless
 
 
-def _chance(n: Index, wrong: Index, n_tags: int) -> Array:
+def chance_of(n: Index, wrong: Index, n_tags: int) -> Array:
     """How many places are expected where n or more of so many wrong sightings agree (M,)."""
     each = wrong / max(n_tags, 1)
     chance: Array = n_tags * special.pdtrc(np.maximum(n - 1.0, 0.0), each)
@@ -125,7 +125,7 @@ def _without_doubles(votes: Votes, start: Start, placed: Mask) -> Votes:
     at_other = np.bincount(
         points.tag[points.distances(T, start.p[other]) <= bound], minlength=len(start.p)
     )
-    by_chance = _chance(n, seen - n, len(tags)) > CHANCE
+    by_chance = chance_of(n, seen - n, len(tags)) > CHANCE
     doubtful = by_chance | ((apart < TWINS_M) & (seen - n > MANY_WRONG * seen))
     doubles = start.mapped & (MANY_MORE * n < n[other]) & (2 * at_other >= n) & doubtful
     barred = votes.barred.copy()

@@ -15,6 +15,7 @@ from tagmap.estimation import robust
 from tagmap.estimation.kernels import calibration as unknowns
 from tagmap.estimation.kernels import motion, sightings, steps
 from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.levelling import is_held, level
 from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Residuals, Weights
@@ -189,6 +190,8 @@ class System:
         condensed = self.problem.condensed
         if condensed is None:
             return 0.0
+        if is_held(self.problem):
+            condensed = level(condensed, self.problem.kind, values.p)
         here = condensed.about(values.p, values.calibration)
         linear.tag_gradient[:] += here.pull
         linear.calibration_gradient[:] += here.calibration_pull
