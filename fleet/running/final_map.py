@@ -53,7 +53,7 @@ def _ask(
     link: Link, selector: str, answers: "queue.SimpleQueue[dict[str, Any] | TagmapError | None]"
 ) -> None:
     try:
-        payload = encode(AdminRequest())
+        payload = encode(AdminRequest(args={"from_nothing": True}))
         replies = link.get(selector, payload, timeout_s=SOLVE_S)
         found = [r.payload for r in replies if r.payload is not None]
         if not found:

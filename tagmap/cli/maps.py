@@ -33,6 +33,9 @@ def map_() -> None:
     show_default=True,
     help="Without FILE: how long to wait.",
 )
+@click.option(
+    "--from-nothing", is_flag=True, help="Without FILE: from all keyframes, old ones too."
+)
 @client
 def solve(
     target: Target,
@@ -41,19 +44,22 @@ def solve(
     start: str | None,
     robust: bool,
     timeout_s: float,
+    from_nothing: bool,
 ) -> None:
-    """Solve everything the service has stored so far, or the graph in FILE.
+    """Take everything the service has stored so far into the map, or solve the graph in FILE.
 
-    Without FILE: have the running service solve, wait for it, and show the summary.
+    Without FILE: have the running service do it, wait for it, and show the summary.
 
     FILE is a graph in g2o or ODOMETRY/LANDMARK form, plain or .xz; no service is needed.
     """
     if file is not None:
+        if from_nothing:
+            raise click.UsageError("--from-nothing does not go with FILE; see --start")
         _solve_file(target, file, out, start, robust)
     elif out is not None or start is not None or robust:
         raise click.UsageError("--out, --start and --robust need a FILE")
     else:
-        _solve_stored(target, timeout_s)
+        _solve_stored(target, timeout_s, from_nothing)
 
 
 def _solve_file(
@@ -71,8 +77,8 @@ def _solve_file(
         show_facts(summary | ({"rejected": rejected} if robust else {}))
 
 
-def _solve_stored(target: Target, timeout_s: float) -> None:
-    data = ask(target, "map", "solve", timeout_s=timeout_s)
+def _solve_stored(target: Target, timeout_s: float, from_nothing: bool) -> None:
+    data = ask(target, "map", "solve", timeout_s=timeout_s, from_nothing=from_nothing or None)
     if target.as_json:
         show_json(data)
         return

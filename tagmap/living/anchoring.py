@@ -17,7 +17,7 @@ MOVED_M = 0.005
 def anchored(start: Start, problem: Problem) -> Start:
     """`start` in the frame of the surveyed tags, if they fix one and the map fits onto them.
 
-    Small differences are for the optimiser: a map in their frame is moved only if it lies elsewhere.
+    Small differences are for the optimiser: a map in their frame moves only if it lies elsewhere.
     """
     survey = survey_map(problem)
     if survey is None:

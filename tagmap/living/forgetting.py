@@ -1,4 +1,4 @@
-"""A tag that is not where it was: what is condensed forgets it, and keeps what it says of others."""
+"""A tag that is not where it was: what is condensed forgets it, not what it says of others."""
 
 from dataclasses import replace
 
@@ -35,9 +35,12 @@ def _without(condensed: Condensed, tag: int) -> Condensed:
     pull[tag], across[tag] = 0.0, 0.0
     kept = (condensed.rows != tag) & (condensed.columns != tag)
     fill = _pairs(others, (h @ inverse @ h.T).reshape(len(others), 3, len(others), 3))
+    rows, columns, blocks = _added(condensed, kept, *fill)
     return replace(
         condensed,
-        **_added(condensed, kept, *fill),
+        rows=rows,
+        columns=columns,
+        blocks=blocks,
         across=across,
         corner=condensed.corner - a.T @ inverse @ a,
         pull=pull,
@@ -54,7 +57,7 @@ def _pairs(tags: Index, blocks: Array) -> tuple[Index, Index, Array]:
 
 def _added(
     condensed: Condensed, kept: Array, rows: Index, columns: Index, fill: Array
-) -> dict[str, Array]:
+) -> tuple[Index, Index, Array]:
     """Blocks of pairs less what was eliminated."""
     pairs, at = np.unique(
         np.stack(
@@ -68,4 +71,4 @@ def _added(
     )
     total = np.zeros((pairs.shape[1], 3, 3))
     np.add.at(total, at.ravel(), np.concatenate([condensed.blocks[kept], -fill]))
-    return {"rows": pairs[0], "columns": pairs[1], "blocks": total}
+    return pairs[0], pairs[1], total

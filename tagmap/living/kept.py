@@ -29,7 +29,9 @@ class Kept:
     """tags: names by number; p (M, d), NaN where withheld. unknowns, calibration (Q,).
 
     condensed: of all tags; support (M,): accepted sightings in it, `rejected` are not; seen (M,):
-    sightings of each tag from keyframes that are covered, accepted or not. covered: seqs that are condensed or were given up, by session; poses: of those alive.
+    sightings of each tag from keyframes that are covered, accepted or not. covered: seqs that are
+    condensed or were given up, by session; poses: of those alive. begun: keyframes of which the map
+    was solved from nothing last.
     """
 
     kind: Kind
@@ -42,6 +44,7 @@ class Kept:
     support: Index
     seen: Index
     rejected: int = 0
+    begun: int = 0
     covered: dict[Name, Spans] = field(default_factory=dict)
     poses: dict[Name, Poses] = field(default_factory=dict)
 

@@ -87,6 +87,7 @@ class Living:
             condensed=None,
             support=np.zeros(len(stacked.tags), dtype=np.int64),
             seen=np.zeros(len(stacked.tags), dtype=np.int64),
+            begun=stacked.problem.n_poses,
             poses=poses_of(settled, np.ones(stacked.problem.n_poses, dtype=bool)),
         )
         return cls(shed(settled, kept, going(settled, span)), span)

@@ -39,6 +39,13 @@ def count(args: Args, name: str) -> int:
     return value
 
 
+def flag(args: Args, name: str) -> bool:
+    value = args.get(name, False)
+    if not isinstance(value, bool):
+        raise RecordRefused(f"argument {name} is {value!r:.40}, expected true or false")
+    return value
+
+
 def tags_list(mapper: Mapper, args: Args) -> Any:
     selection = parse({name: str(value) for name, value in args.items()})
     if selection.version is not None and selection.version != mapper.book.number:

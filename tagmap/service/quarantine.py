@@ -5,15 +5,13 @@ arithmetic. Such a session is set aside, and said to be; its keyframes stay in t
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, TypeVar
 
 from tagmap.estimation.stack import SessionData
 
-if TYPE_CHECKING:
-    from tagmap.estimation.solution import Solution
-
-Solve: TypeAlias = "Callable[[Sequence[SessionData]], Solution]"
+Found = TypeVar("Found")
+Solve: TypeAlias = Callable[[Sequence[SessionData]], Found]
 
 
 @dataclass(slots=True)
@@ -23,27 +21,44 @@ class Quarantine:
     reasons: dict[tuple[str, str], str] = field(default_factory=dict)
     judged: dict[tuple[str, str], int] = field(default_factory=dict)
 
-    def solve(self, solve: Solve, sessions: Sequence[SessionData]) -> "Solution":
-        """Without the sessions that cannot even be solved alone; raises where that is no help."""
-        self._judge_again(solve, sessions)
-        solution = self._solve_sound(solve, sessions)
-        return replace(solution, report=(*solution.report, *self._lines(sessions)))
+    def solve(
+        self,
+        solve: Solve[Found],
+        sessions: Sequence[SessionData],
+        alone: Solve[Any] | None = None,
+    ) -> Found:
+        """Without the sessions that cannot even be solved alone; raises where that is no help.
 
-    def _solve_sound(self, solve: Solve, sessions: Sequence[SessionData]) -> "Solution":
+        alone: how one is, if not by `solve`.
+        """
+        self._judge_again(alone or solve, sessions)
+        return self._solve_sound(solve, sessions, alone or solve)
+
+    def lines(self, sessions: Sequence[SessionData]) -> list[str]:
+        """For the report."""
+        return [
+            f"session {robot}/{session}: withheld: its measurements cannot be computed with: {why}"
+            for robot, session in map(_name, sessions)
+            if (why := self.reasons.get((robot, session)))
+        ]
+
+    def _solve_sound(
+        self, solve: Solve[Found], sessions: Sequence[SessionData], alone: Solve[Any]
+    ) -> Found:
         """Where no session is sound there is nothing to protect: all of them are tried."""
         sound = self._sound(sessions) or list(sessions)
         try:
-            solution = solve(sound)
+            found = solve(sound)
         except Exception:
-            self._judge(solve, sound)
+            self._judge(alone, sound)
             if len(self._sound(sound)) in (0, len(sound)):
                 raise
-            return self._solve_sound(solve, sessions)
+            return self._solve_sound(solve, sessions, alone)
         for session in sound:
             self.reasons.pop(_name(session), None)
-        return solution
+        return found
 
-    def _judge_again(self, solve: Solve, sessions: Sequence[SessionData]) -> None:
+    def _judge_again(self, solve: Solve[Any], sessions: Sequence[SessionData]) -> None:
         """More keyframes may mend a session; it is asked each time it has doubled."""
         grown = [
             session
@@ -53,7 +68,7 @@ class Quarantine:
         ]
         self._judge(solve, grown)
 
-    def _judge(self, solve: Solve, sessions: Sequence[SessionData]) -> None:
+    def _judge(self, solve: Solve[Any], sessions: Sequence[SessionData]) -> None:
         for session in sessions:
             name = _name(session)
             self.judged[name] = len(session.keyframes)
@@ -66,13 +81,6 @@ class Quarantine:
 
     def _sound(self, sessions: Sequence[SessionData]) -> list[SessionData]:
         return [session for session in sessions if _name(session) not in self.reasons]
-
-    def _lines(self, sessions: Sequence[SessionData]) -> list[str]:
-        return [
-            f"session {robot}/{session}: withheld: its measurements cannot be computed with: {why}"
-            for robot, session in map(_name, sessions)
-            if (why := self.reasons.get((robot, session)))
-        ]
 
 
 def _name(session: SessionData) -> tuple[str, str]:

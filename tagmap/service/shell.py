@@ -21,7 +21,7 @@ from tagmap.mapper import Adoption, Mapper, Outcome
 from tagmap.mapping.draft import Arrival
 from tagmap.mapping.surveying import SurveyedPosition, surveyed
 from tagmap.records import encode
-from tagmap.service.admin import Args
+from tagmap.service.admin import Args, flag
 from tagmap.service.archive import Archive
 from tagmap.service.desk import Desk
 from tagmap.service.inbox import Inbox
@@ -71,7 +71,7 @@ class Service:
         self.desk.commands[("site", "status")] = self._status
         self.desk.commands[("tags", "survey")] = self._survey_one
         self.desk.commands[("tags", "memory")] = self._list_memories
-        self.desk.commands[("map", "solve")] = lambda query, _: self.solving.wait(query)
+        self.desk.commands[("map", "solve")] = self._solve
         self.solving = Solving(store, solver, self.desk)
         self.broken_until_s: float | None = None
         self.complained = False
@@ -247,6 +247,9 @@ class Service:
             return head | asdict(store.counts()) | {"solver": solver}
 
         self.desk.look_up(query, lookup)
+
+    def _solve(self, query: Query, args: Args) -> None:
+        self.solving.wait(query, flag(args, "from_nothing"))
 
     def _survey_one(self, query: Query, args: Args) -> None:
         p_m = [args.get(name) for name in ("x_m", "y_m", "z_m")]

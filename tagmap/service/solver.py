@@ -9,26 +9,34 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tagmap.service.facts import Extent
+from tagmap.store import SessionPoses, Step
 
 if TYPE_CHECKING:
     from tagmap.estimation.solution import Solution
 
-SOLVE = "tagmap.estimation.solve:solve"
+BEGIN = "tagmap.living.begin:begin"
+FROM_NOTHING = b"nothing"
 STOP_S = 2.0
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """`solution` is None when there is nothing to solve yet."""
+    """`solution` is None when there is nothing to solve yet; poses: all that are new or moved.
+
+    wanted: solved from nothing because somebody asked for it.
+    """
 
     extent: Extent
     solution: "Solution | None"
+    poses: tuple[SessionPoses, ...] = ()
+    step: Step = field(default_factory=Step)
+    wanted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +50,14 @@ class Failed:
 class SolverProcess:
     """Supervises the child; `on_result` is called from a thread of its own and must only enqueue.
 
-    `solve` names the function as `module:function`. A child that died is replaced at the next
-    order.
+    `begin` names the function that solves from nothing as `module:function`. A child that died is
+    replaced at the next order.
     """
 
     def __init__(
-        self, db: Path, site: str, on_result: Callable[[Solved | Failed], None], solve: str = SOLVE
+        self, db: Path, site: str, on_result: Callable[[Solved | Failed], None], begin: str = BEGIN
     ) -> None:
-        self._arguments = [str(db), site, solve]
+        self._arguments = [str(db), site, begin]
         self._on_result = on_result
         self._child: subprocess.Popen[bytes] | None = None
 
@@ -57,15 +65,15 @@ class SolverProcess:
     def pid(self) -> int | None:
         return None if self._child is None else self._child.pid
 
-    def order(self) -> None:
-        """Have everything solved that is committed now; one result will follow."""
+    def order(self, from_nothing: bool = False) -> None:
+        """Have everything that is committed now taken in; one result will follow."""
         if self._child is None or self._child.poll() is not None:
             self._start()
         assert self._child is not None
         assert self._child.stdin is not None
         # A child that has just died is reported by the thread that reads from it.
         with suppress(BrokenPipeError, ValueError):
-            self._child.stdin.write(b"\n")
+            self._child.stdin.write(FROM_NOTHING * from_nothing + b"\n")
             self._child.stdin.flush()
 
     def stop(self) -> None:

@@ -13,7 +13,7 @@ from tagmap.service.cadence import Cadence
 from tagmap.service.desk import Desk
 from tagmap.service.facts import Extent, survey_marks
 from tagmap.service.solver import Failed, Solved, SolverProcess
-from tagmap.store import SessionPoses, SiteStore
+from tagmap.store import SiteStore
 
 
 class Solving:
@@ -25,6 +25,7 @@ class Solving:
         self.summary: dict[str, Any] | None = _summary(store)
         self._store, self._solver, self._desk = store, solver, desk
         self._waiting: list[tuple[int, Query]] = []
+        self._from_nothing = False
         self._log = structlog.get_logger("solving")
         if _has_news(store, self.solved):
             self.cadence.changed()
@@ -35,12 +36,16 @@ class Solving:
             return
         self.cadence.start(now_s)
         try:
-            self._solver.order()
+            self._solver.order(self._from_nothing)
+            self._from_nothing = False
         except OSError as error:
             self.fail(Failed(f"the solver process cannot be started: {error}"))
 
-    def wait(self, query: Query) -> None:
+    def wait(self, query: Query, from_nothing: bool = False) -> None:
         """Answer when everything that is committed now is in the map."""
+        if from_nothing:
+            self._from_nothing = True
+            self.cadence.changed()
         if self.cadence.solved >= self.cadence.have:
             self._tell(query)
         else:
@@ -68,13 +73,16 @@ class Solving:
         """
         if self.cadence.running is None:
             return None
-        if result.solution is None or result.extent.substance == self.solved.substance:
+        same = result.extent.substance == self.solved.substance
+        if result.solution is None or (same and not result.wanted):
             self.cadence.finish(time.monotonic())
             return None
         try:
             adoption = mapper.adopt(result.solution, self._cause(result), now_ns)
             summary = _summarise(result, adoption)
-            self._store.commit_version(adoption.version, adoption.tags, _poses(result), summary)
+            self._store.commit_version(
+                adoption.version, adoption.tags, result.poses, summary, result.step
+            )
         except Exception as error:
             self.fail(Failed(str(error)))
             raise
@@ -111,6 +119,8 @@ class Solving:
     def _cause(self, result: Solved) -> str:
         if self.summary is None:
             return "first map"
+        if result.wanted:
+            return "solved from nothing"
         if result.extent.surveys != self.solved.surveys:
             return "survey"
         return f"{result.extent.keyframes - self.solved.keyframes} more keyframes"
@@ -134,29 +144,6 @@ def _summarise(result: Solved, adoption: Adoption) -> dict[str, Any]:
         "facts": msgspec.to_builtins(result.extent),
         "ends": msgspec.to_builtins(adoption.ends),
     }
-
-
-def _poses(result: Solved) -> list[SessionPoses]:
-    """Covariances are stored where all poses of a session have one."""
-    assert result.solution is not None
-    return [
-        SessionPoses(
-            robot=session.robot,
-            session=session.session,
-            seqs=session.seqs,
-            t_ns=session.t_ns,
-            T=session.T,
-            cov=session.cov if session.cov is not None and _is_finite(session.cov) else None,
-        )
-        for session in result.solution.sessions
-        if session.connected and len(session.seqs)
-    ]
-
-
-def _is_finite(values: Any) -> bool:
-    import numpy as np
-
-    return bool(np.isfinite(values).all())
 
 
 def _summary(store: SiteStore) -> dict[str, Any] | None:

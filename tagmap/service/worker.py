@@ -13,30 +13,37 @@ import threading
 import time
 from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
-from tagmap.service.facts import Facts
-from tagmap.service.quarantine import Quarantine
-from tagmap.service.solver import Failed, Solved
+from tagmap.service.mapmaker import Mapmaker
+from tagmap.service.solver import FROM_NOTHING, Failed, Solved
 from tagmap.store import SiteStore
 
 NICENESS = 10
 
 
-def main(db: str, site: str, solve: str) -> None:
+def main(db: str, site: str, begin: str) -> None:
     # Ctrl-C and service managers signal the whole group: the service says when to stop.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     os.nice(NICENESS)
     results = _claim_stdout()
-    orders: queue.SimpleQueue[None] = queue.SimpleQueue()
+    orders: queue.SimpleQueue[bool] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(orders,), daemon=True).start()
-    module, function = solve.split(":")
-    facts, quarantine = Facts(), Quarantine()
-    store = SiteStore.open(Path(db), site, read_only=True)
+    module, function = begin.split(":")
+    mapmaker: Mapmaker | None = None
     while True:
-        orders.get()
-        pickle.dump(_result(facts, quarantine, store, module, function), results)
+        from_nothing = orders.get()
+        try:
+            if mapmaker is None:
+                store = SiteStore.open(Path(db), site, read_only=True)
+                solve = getattr(import_module(module), function)
+                mapmaker = Mapmaker(store, solve, time.perf_counter)
+            result: Solved | Failed = mapmaker.solve(from_nothing)
+        except Exception as error:
+            # Whatever is wrong with these data, more data may mend it.
+            result = Failed(f"{type(error).__name__}: {error}")
+        pickle.dump(result, results)
         results.flush()
 
 
@@ -47,28 +54,10 @@ def _claim_stdout() -> BinaryIO:
     return results
 
 
-def _listen(orders: "queue.SimpleQueue[None]") -> None:
-    while sys.stdin.buffer.readline():
-        orders.put(None)
+def _listen(orders: "queue.SimpleQueue[bool]") -> None:
+    while line := sys.stdin.buffer.readline():
+        orders.put(line.strip() == FROM_NOTHING)
     os._exit(0)
-
-
-def _result(
-    facts: Facts, quarantine: Quarantine, store: SiteStore, module: str, function: str
-) -> Solved | Failed:
-    try:
-        facts.refresh(store)
-        sessions, surveys = facts.sessions(), facts.surveyed()
-        solve: Any = getattr(import_module(module), function)
-        solution = (
-            quarantine.solve(lambda some: solve(some, surveys, clock=time.perf_counter), sessions)
-            if sessions
-            else None
-        )
-        return Solved(facts.extent(sessions), solution)
-    except Exception as error:
-        # Whatever is wrong with these data, more data may mend it.
-        return Failed(f"{type(error).__name__}: {error}")
 
 
 if __name__ == "__main__":

@@ -2,11 +2,21 @@
 
 from tagmap.store.batch import Batch, Inserted, Reading, RefusalRow, Survey
 from tagmap.store.outbox import Outbox, OutboxCounts, RefusedMessage
-from tagmap.store.rows import Counts, MemoryRow, PoseRow, RobotRow, SessionPoses, SessionRow
+from tagmap.store.rows import (
+    Condensed,
+    Counts,
+    MemoryRow,
+    PoseRow,
+    RobotRow,
+    SessionPoses,
+    SessionRow,
+    Step,
+)
 from tagmap.store.site import SiteStore
 
 __all__ = [
     "Batch",
+    "Condensed",
     "Counts",
     "Inserted",
     "MemoryRow",
@@ -20,5 +30,6 @@ __all__ = [
     "SessionPoses",
     "SessionRow",
     "SiteStore",
+    "Step",
     "Survey",
 ]

@@ -1,6 +1,6 @@
 """Is a site database what it should be? Looks at every row; changes nothing."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -32,14 +32,14 @@ def check(path: Path) -> list[str]:
     try:
         db.execute("BEGIN")
         found = _all_of(db, [_integrity]) or _all_of(db, [_schema])
-        return found or _all_of(db, [_references, _site, _sessions, _keyframes, _surveys, _maps])
+        return found or _all_of(db, CONTENTS)
     except StoreError as error:
         return [str(error)]
     finally:
         db.close()
 
 
-def _all_of(db: Connection, checks: list[Callable[[Connection], Iterator[str]]]) -> list[str]:
+def _all_of(db: Connection, checks: Sequence[Callable[[Connection], Iterator[str]]]) -> list[str]:
     problems: list[str] = []
     for one in checks:
         try:
@@ -176,18 +176,39 @@ def _check_tag(tag: Tag) -> None:
         check_covariance("cov", tag.cov, len(tag.p_m))
 
 
+def _condensed(db: Connection) -> Iterator[str]:
+    newest = db.scalar("SELECT coalesce(max(version), 0) FROM map_versions")
+    runs = db.rows("SELECT session_id, first_seq, last_seq FROM covered ORDER BY 1, 2")
+    rows = db.rows("SELECT version FROM condensed")
+    if runs and not rows:
+        yield "covered: keyframes are said to be condensed, but there is nothing condensed"
+    for (version,) in rows:
+        if version > newest:
+            yield f"condensed: is of version {version}, the newest is {newest}"
+    end = (0, 0)
+    for session_id, first, last in runs:
+        if (session_id, first) <= end:
+            yield f"covered: seq {first} of session {session_id} twice"
+        end = session_id, last
+        count = "SELECT count(*) FROM keyframes WHERE session_id = ? AND seq BETWEEN ? AND ?"
+        n = db.scalar(count, [session_id, first, last])
+        if n != last - first + 1:
+            yield f"covered: session {session_id}: {n} of seq {first}..{last} stored"
+
+
 def _poses(db: Connection, newest: int) -> Iterator[str]:
     for session_id, session in db.rows("SELECT id, session FROM sessions"):
         seqs = {
             q for (q,) in db.rows("SELECT seq FROM keyframes WHERE session_id = ?", [session_id])
         }
         runs = (
-            "SELECT rowid, version, first_t_ns, last_t_ns FROM keyframe_poses WHERE session_id = ?"
+            "SELECT rowid, version, alive, first_t_ns, last_t_ns FROM keyframe_poses "
+            "WHERE session_id = ?"
         )
-        for rowid, version, first_t_ns, last_t_ns in db.rows(runs, [session_id]):
+        for rowid, version, alive, first_t_ns, last_t_ns in db.rows(runs, [session_id]):
             try:
                 _check_run(maps.read_run(db, rowid), first_t_ns, last_t_ns, seqs)
-                if version != newest:
+                if version > newest or (alive and version < newest):
                     raise ValueError(f"of version {version}, the newest is {newest}")
             except _INVALID as error:
                 yield f"keyframe_poses of session {session}, row {rowid}: {error}"
@@ -203,3 +224,6 @@ def _check_run(poses: SessionPoses, first_t_ns: int, last_t_ns: int, seqs: set[i
     unknown = sorted(set(poses.seqs.tolist()) - seqs)
     if unknown:
         raise ValueError(f"is of keyframes that do not exist: seq {unknown[:5]}")
+
+
+CONTENTS = [_references, _site, _sessions, _keyframes, _surveys, _maps, _condensed]

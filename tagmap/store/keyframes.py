@@ -20,6 +20,13 @@ _BY_ID = _KEYFRAMES.format(where="keyframes.id > ?", order="keyframes.id", limit
 _NEXT = _KEYFRAMES.format(
     where=f"keyframes.id > ? AND {_NOT_WITHDRAWN}", order="keyframes.id", limit=PAGE
 )
+_COVERED = """EXISTS (SELECT 1 FROM covered WHERE covered.session_id = keyframes.session_id
+    AND first_seq <= keyframes.seq AND keyframes.seq <= last_seq)"""
+_UNCOVERED = _KEYFRAMES.format(
+    where=f"keyframes.id > ? AND {_NOT_WITHDRAWN} AND NOT {_COVERED}",
+    order="keyframes.id",
+    limit=PAGE,
+)
 _OF_SESSION = _KEYFRAMES.format(
     where=f"robots.name = ? AND sessions.session = ? AND seq >= ? AND {_NOT_WITHDRAWN}",
     order="seq",
@@ -30,7 +37,16 @@ _SIGHTINGS = "SELECT * FROM sightings WHERE keyframe_id IN ({}) ORDER BY keyfram
 
 def read_all(db: Connection, site: str, after_id: int) -> Iterator[tuple[int, Keyframe]]:
     """In insertion order, a page at a time: no transaction stays open in between."""
-    while page := _page(db, _NEXT, [after_id]):
+    return _read(db, _NEXT, site, after_id)
+
+
+def read_uncovered(db: Connection, site: str, after_id: int) -> Iterator[tuple[int, Keyframe]]:
+    """The same without those that are condensed."""
+    return _read(db, _UNCOVERED, site, after_id)
+
+
+def _read(db: Connection, query: str, site: str, after_id: int) -> Iterator[tuple[int, Keyframe]]:
+    while page := _page(db, query, [after_id]):
         for row, sightings in page:
             yield row[0], keyframe_of(db, site, row, sightings)
         after_id = page[-1][0][0]

@@ -10,9 +10,10 @@ import numpy as np
 from tagmap.conventions import Array
 from tagmap.errors import StoreError
 from tagmap.records import MapVersion, Tag
+from tagmap.store import condensed
 from tagmap.store.blobs import pack, pack_transform, unpack, unpack_transform
 from tagmap.store.connection import Connection, Row
-from tagmap.store.rows import PoseRow, SessionPoses
+from tagmap.store.rows import PoseRow, SessionPoses, Step
 
 RUN = 512
 
@@ -33,6 +34,7 @@ def insert_version(
     tags: Iterable[Tag],
     poses: Iterable[SessionPoses],
     summary: dict[str, Any],
+    step: Step,
 ) -> None:
     """To be called inside a transaction. StoreError unless the version follows the newest."""
     newest = db.scalar("SELECT coalesce(max(version), 0) FROM map_versions")
@@ -53,10 +55,14 @@ def insert_version(
     )
     rows = [_tag_row(db, version, tag) for tag in tags]
     db.executemany("INSERT INTO tag_estimates VALUES (?, ?, ?, ?, ?, ?)", rows)
-    db.execute("DELETE FROM keyframe_poses")
+    db.execute("DELETE FROM keyframe_poses" + ("" if step.afresh else " WHERE alive"))
+    if step.T_new_old is not None:
+        _move_poses(db, step.T_new_old)
     for session in poses:
         runs = _pose_runs(_session_id(db, session), version.version, session)
-        db.executemany("INSERT INTO keyframe_poses VALUES (?, ?, ?, ?, ?, ?, ?, ?)", runs)
+        db.executemany("INSERT INTO keyframe_poses VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", runs)
+    if step.afresh or step.condensed is not None:
+        condensed.replace(db, version.version, step.condensed)
 
 
 def read_versions(db: Connection) -> list[MapVersion]:
@@ -139,6 +145,20 @@ def read_bracket(db: Connection, robot: str, t_ns: int) -> tuple[PoseRow, PoseRo
     return _pose_row(before, i), _pose_row(_poses(db.rows(side, [session_id, t_ns])[0]), 0)
 
 
+def read_alive(db: Connection) -> list[SessionPoses]:
+    """Those poses that the next version may move, by session in time order."""
+    runs = map(_poses, db.rows(f"{_POSES} WHERE alive ORDER BY session_id, first_t_ns"))
+    by_session = groupby(runs, key=lambda run: (run.robot, run.session))
+    return [_joined(list(session)) for _, session in by_session]
+
+
+def _move_poses(db: Connection, T_new_old: Array) -> None:
+    """All that are there, a run at a time."""
+    for (rowid,) in db.rows("SELECT rowid FROM keyframe_poses"):
+        T = _upper(T_new_old @ read_run(db, rowid).T)
+        db.execute("UPDATE keyframe_poses SET T_map_base = ? WHERE rowid = ?", [T, rowid])
+
+
 def _version(row: Row) -> MapVersion:
     version, t_ns, cause, gauge, moved, tags, withheld = row
     return MapVersion(
@@ -191,9 +211,15 @@ def _pose_runs(session_id: int, version: int, poses: SessionPoses) -> Iterator[R
             version,
             poses.seqs[part].astype("<i8").tobytes(),
             t_ns.astype("<i8").tobytes(),
-            poses.T[part, :-1].astype("<f8").tobytes(),
+            _upper(poses.T[part]),
             None if poses.cov is None else poses.cov[part].astype("<f8").tobytes(),
+            poses.alive,
         )
+
+
+def _upper(T: Array) -> bytes:
+    """Transforms (n, d, d) without their last rows."""
+    return T[:, :-1].astype("<f8").tobytes()
 
 
 def _poses(row: Row) -> SessionPoses:

@@ -267,6 +267,28 @@ def memories(db: "Database") -> None:
     _append_only(db, "memory_readings")
 
 
+def condensing(db: "Database") -> None:
+    """What old keyframes were condensed into, and which: the solver goes on from there.
+
+    Poses that are not `alive` are final; a new version replaces the others.
+    """
+    db.execute(
+        """CREATE TABLE condensed (
+            id INTEGER PRIMARY KEY CHECK (id = 1),
+            serial INTEGER NOT NULL,
+            version INTEGER NOT NULL REFERENCES map_versions (version),
+            content BLOB NOT NULL)"""
+    )
+    db.execute(
+        """CREATE TABLE covered (
+            session_id INTEGER NOT NULL REFERENCES sessions (id),
+            first_seq INTEGER NOT NULL CHECK (first_seq >= 1),
+            last_seq INTEGER NOT NULL CHECK (last_seq >= first_seq),
+            PRIMARY KEY (session_id, first_seq)) WITHOUT ROWID"""
+    )
+    db.execute("ALTER TABLE keyframe_poses ADD COLUMN alive INTEGER NOT NULL DEFAULT 1")
+
+
 def outbox(db: "Database") -> None:
     """An agent's messages until they are settled, and where its sources were.
 
@@ -294,5 +316,5 @@ def outbox(db: "Database") -> None:
         )
 
 
-SITE = Schema("site", 0x7461676D, (observations, maps, memories))
+SITE = Schema("site", 0x7461676D, (observations, maps, memories, condensing))
 OUTBOX = Schema("outbox", 0x7461676F, (outbox,))

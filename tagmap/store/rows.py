@@ -58,7 +58,8 @@ class SessionPoses:
     """Estimated T_map_base of a session's keyframes.
 
     seqs (n,), t_ns (n,), T (n, d, d) with d 4 or 3, cov (n, k): packed upper triangles,
-    k 21 or 6, body frame; None when it was not asked for.
+    k 21 or 6, body frame; None when it was not asked for. alive: of keyframes that the next version
+    may still move.
     """
 
     robot: str
@@ -67,6 +68,34 @@ class SessionPoses:
     t_ns: Index
     T: Array
     cov: Array | None
+    alive: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Condensed:
+    """What a solver goes on from, and what it must not be given again.
+
+    serial: another one each time; content: the solver's own. covered: (robot, session, first seq,
+    last seq) of runs of keyframes that are in it.
+    """
+
+    serial: int
+    content: bytes
+    covered: tuple[tuple[str, str, int, int], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """How a map version follows from the one before.
+
+    afresh: solved from nothing; its poses take the place of all others, not only of those alive.
+    condensed: None: still that of the version before, or none at all if afresh. T_new_old (d, d):
+    how the poses that stay moved with the map; None where they stay where they are.
+    """
+
+    afresh: bool = True
+    condensed: Condensed | None = None
+    T_new_old: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,13 +6,22 @@ from typing import Any, Self
 
 from tagmap.errors import RecordRefused, StoreError
 from tagmap.records import Hello, Keyframe, MapVersion, Tag, decode
-from tagmap.store import keyframes, maps
+from tagmap.store import condensed, keyframes, maps
 from tagmap.store.batch import Batch, Inserted, RefusalRow, Survey
 from tagmap.store.blobs import unpack
 from tagmap.store.connection import Connection
 from tagmap.store.ingest import insert_batch
 from tagmap.store.migrations import SITE, open_for_reading, open_for_writing
-from tagmap.store.rows import Counts, MemoryRow, PoseRow, RobotRow, SessionPoses, SessionRow
+from tagmap.store.rows import (
+    Condensed,
+    Counts,
+    MemoryRow,
+    PoseRow,
+    RobotRow,
+    SessionPoses,
+    SessionRow,
+    Step,
+)
 
 _ROBOTS = """
     SELECT name, number, count(sessions.id),
@@ -80,10 +89,23 @@ class SiteStore:
         tags: Iterable[Tag],
         poses: Iterable[SessionPoses],
         summary: dict[str, Any],
+        step: Step | None = None,
     ) -> None:
-        """Store the next map version, and `poses` in place of those of the version before."""
+        """Store the next map version, and `poses` in place of those of the version before, or of
+        those of them that were alive: see `Step`."""
         with self._db.transaction():
-            maps.insert_version(self._db, version, tags, poses, summary)
+            maps.insert_version(self._db, version, tags, poses, summary, step or Step())
+
+    def condensed(self) -> Condensed | None:
+        """What the newest version was condensed into, if anything."""
+        return condensed.read(self._db)
+
+    def condensed_serial(self) -> int | None:
+        return condensed.read_serial(self._db)
+
+    def alive_poses(self) -> list[SessionPoses]:
+        """Poses that the next version may move, one entry per session."""
+        return maps.read_alive(self._db)
 
     def robots(self) -> list[RobotRow]:
         rows = self._db.rows(_ROBOTS)
@@ -130,6 +152,14 @@ class SiteStore:
     def keyframes(self, after_id: int = 0) -> Iterator[tuple[int, Keyframe]]:
         """Row ids and keyframes in the order in which they were stored, from `after_id` on."""
         return keyframes.read_all(self._db, self.site, after_id)
+
+    def uncovered(self, after_id: int = 0) -> Iterator[tuple[int, Keyframe]]:
+        """The same without those that are condensed."""
+        return keyframes.read_uncovered(self._db, self.site, after_id)
+
+    def newest_id(self) -> int:
+        """Row id of the last keyframe, 0 for none."""
+        return int(self._db.scalar("SELECT coalesce(max(id), 0) FROM keyframes"))
 
     def keyframes_of(self, robot: str, session: str, from_seq: int = 1) -> list[Keyframe]:
         """A session's keyframes in the order of seq."""

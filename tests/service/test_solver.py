@@ -23,7 +23,7 @@ def solving(store):
     def start(function):
         results = queue.Queue()
         name = f"tests.service.fakes:{function}"
-        process = SolverProcess(store.path, "site", results.put, solve=name)
+        process = SolverProcess(store.path, "site", results.put, begin=name)
         started.append(process)
         return process, lambda: results.get(timeout=PATIENCE_S)
 
@@ -33,7 +33,7 @@ def solving(store):
 
 
 def test_solves_what_is_committed_and_each_time_a_little_more(store, solving):
-    process, result = solving("solve")
+    process, result = solving("begin")
     process.order()
     assert result().solution is None
     store.commit(Batch(hellos=[hello()], keyframes=[keyframe(1), keyframe(2)]))
@@ -50,7 +50,7 @@ def test_solves_what_is_committed_and_each_time_a_little_more(store, solving):
 
 
 def test_leaves_out_what_has_no_hello(store, solving):
-    process, result = solving("solve")
+    process, result = solving("begin")
     store.commit(
         Batch(hellos=[hello()], keyframes=[keyframe(1), keyframe(1, session="session-0002")])
     )
@@ -87,7 +87,7 @@ def test_a_process_that_died_is_reported_and_replaced(store, solving):
 
 
 def test_stops_without_a_word(solving):
-    process, _ = solving("solve")
+    process, _ = solving("begin")
     process.order()
     process.stop()
     assert process.pid is None
