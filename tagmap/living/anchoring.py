@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array
+from tagmap.estimation.local_maps import LEAST_SIGMA_M
 from tagmap.estimation.merge import LocalMap, align_maps
 from tagmap.estimation.problem import Problem, lie
-from tagmap.estimation.start import LEAST_SIGMA_M, Start, survey_map
+from tagmap.estimation.start import Start, survey_map
 from tagmap.geometry.alignment import align
 
 ELSEWHERE_M = 0.1

@@ -6,13 +6,14 @@ import numpy as np
 
 from tagmap.conventions import Array, Index, Mask
 from tagmap.estimation.growth import grow
+from tagmap.estimation.local_maps import LEAST_SIGMA_M
 from tagmap.estimation.merge import LocalMap
 from tagmap.estimation.optimise import Options, optimise
 from tagmap.estimation.placing import Placed, component
 from tagmap.estimation.points import Points, fit_tags
 from tagmap.estimation.problem import Odometry, Problem, State, Surveyed, lie
 from tagmap.estimation.restrict import restrict, without_calibration, without_surveys
-from tagmap.estimation.start import LEAST_SIGMA_M, chain_of
+from tagmap.estimation.start import chain_of
 
 LEAST_SHARED = 3
 ROUGH = Options(max_iterations=50, tolerance=1e-4)

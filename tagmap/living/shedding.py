@@ -7,12 +7,11 @@ import numpy as np
 
 from tagmap.conventions import Index, Kind, Mask
 from tagmap.estimation.condense import condense
-from tagmap.estimation.merge import LocalMap, least_shared
-from tagmap.estimation.placing import determines_frame
+from tagmap.estimation.local_maps import LEAST_SIGMA_M
+from tagmap.estimation.merge import LocalMap, determines_frame, least_shared
 from tagmap.estimation.points import points_of
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked
-from tagmap.estimation.start import LEAST_SIGMA_M
 from tagmap.living.kept import Kept, Name, Poses
 from tagmap.living.spans import spans_of, united
 
