@@ -81,8 +81,8 @@ def test_the_map_is_that_of_everything(site: Site, kind: Kind, surveyed: bool) -
     expected = solve(robots, surveys)
     _agree(found, expected)
     assert errors(world, found).rmse_m < 1.1 * errors(world, expected).rmse_m
-    assert abs(found.inliers - expected.inliers) < 0.002 * expected.inliers
-    assert abs(found.rejected - expected.rejected) < 0.1 * expected.rejected + 5
+    assert abs(found.inliers - expected.inliers) < 0.005 * expected.inliers
+    assert abs(found.rejected - expected.rejected) < 0.005 * expected.inliers
     assert site.begun < 6
     assert check(site.path) == []
 
