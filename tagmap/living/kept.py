@@ -69,16 +69,9 @@ def wider(kept: Kept, tags: tuple[str, ...], unknowns: tuple[Unknown, ...]) -> K
 
 def _wider(condensed: Condensed, n_tags: int, means: Array) -> Condensed:
     """What is condensed says nothing of what is new."""
-    new, q = n_tags - len(condensed.p), len(means)
-    return replace(
-        condensed,
-        p=np.pad(condensed.p, ((0, new), (0, 0))),
-        calibration=np.concatenate([condensed.calibration, means]),
-        across=np.pad(condensed.across, ((0, new), (0, 0), (0, q))),
-        corner=np.pad(condensed.corner, (0, q)),
-        pull=np.pad(condensed.pull, ((0, new), (0, 0))),
-        calibration_pull=np.pad(condensed.calibration_pull, (0, q)),
-    )
+    before = np.arange(len(condensed.calibration))
+    more = condensed.with_unknowns(before, np.concatenate([condensed.calibration, means]))
+    return more.among(np.arange(len(condensed.p)), n_tags)
 
 
 def known_only(kept: Kept) -> Kept:
