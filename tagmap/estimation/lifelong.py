@@ -23,6 +23,8 @@ from tagmap.estimation.system import Point
 from tagmap.estimation.twists import with_motion
 from tagmap.estimation.unknowns import Unknown
 
+TOLERANCE = 1e-4
+"""Predicted relative decrease that an update may leave: the next one has it too."""
 # Products a step that a preconditioner just made would need, and how many more than that in all
 # a kept one may cost, by tag: to make one takes as long.
 FEW_PRODUCTS = 3
@@ -54,7 +56,7 @@ class Lifelong:
     """
 
     def __init__(self, options: Options | None = None, span: Span | None = None) -> None:
-        self._options = replace(options or Options(tolerance=1e-6), confirm=False)
+        self._options = replace(options or Options(tolerance=TOLERANCE), confirm=False)
         self._span = span or Span()
         self.ids: Index = np.zeros(0, dtype=np.int64)
         self.solved: Index = self.ids

@@ -4,12 +4,12 @@ import numpy as np
 
 from tagmap.conventions import Index
 from tagmap.estimation.follow import followed
-from tagmap.estimation.lifelong import Lifelong
+from tagmap.estimation.lifelong import TOLERANCE, Lifelong
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.restrict import restrict
 
-OPTIONS = Options(robust=False, tolerance=1e-4)
+OPTIONS = Options(robust=False, tolerance=TOLERANCE)
 
 
 class Living:
