@@ -120,8 +120,13 @@ class System:
             np.ones(len(self.packed.steps.row)),
         )
 
-    def at(self, values: Values, belief: Belief, mu: float = sightings.KEEP) -> Point:
-        """Linearise, at new weights if mu is not KEEP; `asked` is the cost at the given ones."""
+    def at(
+        self, values: Values, belief: Belief, mu: float = sightings.KEEP, model: bool = True
+    ) -> Point:
+        """Linearise, at new weights if mu is not KEEP; `asked` is the cost at the given ones.
+
+        Without `model` the linear model is left undefined: only costs are found.
+        """
         linear = self._room._replace(T=values.T, p=values.p)
         _clear(linear)
         w, r2 = np.empty_like(belief.sightings), np.empty_like(belief.sightings)
@@ -132,10 +137,13 @@ class System:
             belief.sightings,
             w,
             r2,
+            model,
             linear,
         )
         step_w, step_r2 = np.empty_like(belief.steps), np.empty_like(belief.steps)
-        asked_steps, cost_steps = self._add_steps(linear, values, belief, mu, step_w, step_r2)
+        asked_steps, cost_steps = self._add_steps(
+            linear, values, belief, mu, step_w, step_r2, model
+        )
         if self.packed.pose_pins.any():
             linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
         own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
@@ -152,7 +160,14 @@ class System:
         )
 
     def _add_steps(
-        self, linear: Linear, values: Values, belief: Belief, mu: float, w: Array, r2: Array
+        self,
+        linear: Linear,
+        values: Values,
+        belief: Belief,
+        mu: float,
+        w: Array,
+        r2: Array,
+        model: bool,
     ) -> tuple[float, float]:
         """Odometry, with what it says of its own scales where they are unknowns; both costs."""
         measured = self.packed.steps
@@ -162,8 +177,10 @@ class System:
             corrected = measured._replace(T=np.empty_like(measured.T))
             unknowns.corrected_steps(measured, values.calibration, corrected.T)
         c2, least = robust.step_bound(self.problem.pose_dof), robust.LEAST_STEP
-        asked, cost = steps.linearise_steps(corrected, mu, c2, least, belief.steps, w, r2, linear)
-        if calibrated:
+        asked, cost = steps.linearise_steps(
+            corrected, mu, c2, least, belief.steps, w, r2, model, linear
+        )
+        if calibrated and model:
             unknowns.add_steps(measured, corrected.T, w, values.calibration, linear)
         return asked, cost
 

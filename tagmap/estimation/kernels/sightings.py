@@ -46,6 +46,7 @@ def linearise_sightings(
     weight: Array,
     new_weight: Array,
     r2: Array,
+    model: bool,
     linear: Linear,
 ) -> tuple[float, float]:
     """Set seen, diagonal and pose_gradient at the new weights, add to what tags and unknowns have.
@@ -53,7 +54,7 @@ def linearise_sightings(
     Returns the cost at the old and at the new weights. calibration (Q,): values of the unknowns.
     mu: KEEP leaves the weights as they are, PLAIN makes them 1 where the tag can be measured, else
     they are those of graduated truncated least squares, CUT being 0 or 1. weight, new_weight,
-    r2 (K,).
+    r2 (K,). model: whether more than these is asked for.
     """
     p, T, seen, whiten = linear.p, linear.T, linear.seen, sighted.whiten
     by_tag, g3 = linear.tag_diagonal, linear.tag_gradient
@@ -96,6 +97,8 @@ def linearise_sightings(
                 continue
             new_weight[k] = w
             new_cost += w * square
+            if not model:
+                continue
             x, y, z = by_point(whiten, how, rows, R)
             W, g = condensed(w, scale, x, y, z, r)
             for n in range(6):

@@ -41,6 +41,7 @@ def linearise_steps(
     weight: Array,
     new_weight: Array,
     r2: Array,
+    model: bool,
     linear: Linear,
 ) -> tuple[float, float]:
     """Add odometry to diagonal and pose_gradient, set following; the cost at old and new weights.
@@ -49,7 +50,8 @@ def linearise_steps(
     not change it, so its Hessian by pose i is that by i + 1, carried over the lever between them.
     weight, new_weight, r2 (N - 1,): of each step; mu as for sightings, of which c2 is the bound. A
     weight is never less than `least`: the chain must not fall apart where nothing else says how its
-    parts lie to each other. There the step is met, and counts in full.
+    parts lie to each other. There the step is met, and counts in full. model: whether more than
+    costs, weights and r2 is asked for.
     """
     T = linear.T
     D, off, g6 = linear.diagonal, linear.following, linear.pose_gradient
@@ -88,6 +90,8 @@ def linearise_steps(
         cost += weight[i] * square
         new_cost += f * square
         r2[i], new_weight[i] = square, f
+        if not model:
+            continue
         A, B = inverse_right_jacobian(v, w)
         R_map = transpose(R_j)
         A, B = product(A, R_map), product(B, R_map)

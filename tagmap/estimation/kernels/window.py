@@ -215,6 +215,7 @@ def _linearise(
         window.step_weight,
         window.next_step_weight,
         window.step_r2,
+        True,
         linear,
     )
     rest = _add_hold(window, T)
@@ -325,7 +326,9 @@ def refit_tags(window: Window, p: Array, information: Array, support: Array) -> 
     linear.tag_diagonal[:] = 0.0
     linear.tag_gradient[:] = 0.0
     none = linear.calibration_gradient
-    linearise_sightings(sighted, none, KEEP, window.weight, window.next_weight, window.r2, linear)
+    linearise_sightings(
+        sighted, none, KEEP, window.weight, window.next_weight, window.r2, True, linear
+    )
     for k in range(len(window.r2)):
         support[sighted.tag[k]] += window.next_weight[k]
     for t in range(len(p)):
