@@ -11,7 +11,7 @@ from tagmap.conventions import Mask
 from tagmap.estimation.condense import factored
 from tagmap.estimation.condensed import whole
 from tagmap.estimation.elimination import eliminated
-from tagmap.estimation.reduced import Pattern
+from tagmap.estimation.preconditioner import Pattern, Segments
 from tagmap.estimation.system import System
 
 IMAGE = Path(__file__).with_name("pictures") / "joint-problem.png"
@@ -35,9 +35,7 @@ def draw() -> Figure:
     between, corner = point.linear.tag_calibration.copy(), point.linear.calibration.copy()
     rows, columns, blocks = eliminated(point.linear, L, D, between, corner)
     reduced = whole(rows, columns, np.ones_like(blocks), m).toarray()[::3, ::3] != 0.0
-    pattern = Pattern.of(
-        system.packed.first, system.packed.sighted.tag, m, system.packed.slot_column
-    )
+    pattern = Pattern.of(Segments.of(system), m)
     cut = np.zeros((m, m), dtype=bool)
     at = np.repeat(np.arange(m), np.diff(pattern.indptr))
     cut[at, pattern.indices] = cut[pattern.indices, at] = True

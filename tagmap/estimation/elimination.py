@@ -5,7 +5,7 @@ import numpy as np
 from tagmap.conventions import Array, Index
 from tagmap.estimation.kernels import schur, segments
 from tagmap.estimation.kernels.layout import Linear
-from tagmap.estimation.reduced import SEGMENT_POSES, SEGMENT_SIGHTINGS
+from tagmap.estimation.preconditioner import SEGMENT_POSES, SEGMENT_SIGHTINGS
 
 FADED = 1e-22
 FIRST_WIDTH = 256
@@ -23,7 +23,10 @@ def eliminated(
     """
     n_tags = len(linear.tag_diagonal)
     bounds = np.zeros(len(linear.first), dtype=np.int64)
-    count = segments.cut(linear.first, linear.slot_column, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
+    linked = np.zeros(len(linear.following), dtype=np.int64)
+    count = segments.cut(
+        linear.first, linear.slot_column, linked, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds
+    )
     scale = np.trace(linear.tag_diagonal, axis1=1, axis2=2)
     room, width = FIRST_PAIRS * (n_tags + 1), min(n_tags, FIRST_WIDTH)
     while True:

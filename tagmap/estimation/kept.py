@@ -15,12 +15,12 @@ from scipy.linalg import blas
 from tagmap.conventions import Array, Index, Mask
 from tagmap.estimation.elimination import eliminated
 from tagmap.estimation.kernels import chain, pairs
+from tagmap.estimation.preconditioner import REGULAR, Precondition
 from tagmap.estimation.problem import Problem
-from tagmap.estimation.reduced import REGULAR, Precondition
 from tagmap.estimation.system import Point
 
 MOST_COLUMNS = 6000
-"""What is larger is left to the sparse preconditioner of tagmap.estimation.reduced."""
+"""What is larger is left to the one of tagmap.estimation.preconditioner."""
 # Tags stand alone that have moved so far, as what one sighting leaves open the others know well,
 # or of which so many times as much is known. It serves until these are more than a share.
 MOVED_M = 0.01

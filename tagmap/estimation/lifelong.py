@@ -16,8 +16,8 @@ from tagmap.estimation.kept import Kept
 from tagmap.estimation.newcomers import place, points_where
 from tagmap.estimation.optimise import Optimiser, Optimum, Options
 from tagmap.estimation.points import fit_tags
+from tagmap.estimation.preconditioner import Precondition
 from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.reduced import Precondition
 from tagmap.estimation.restrict import restrict, with_unknowns
 from tagmap.estimation.system import Point
 from tagmap.estimation.twists import with_motion

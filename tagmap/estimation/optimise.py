@@ -9,8 +9,9 @@ from tagmap.conventions import Array
 from tagmap.estimation import robust
 from tagmap.estimation.gauge import free_directions
 from tagmap.estimation.kernels.sightings import KEEP, PLAIN
+from tagmap.estimation.preconditioner import Precondition
 from tagmap.estimation.problem import Problem, State
-from tagmap.estimation.reduced import LEFT_OVER, Precondition, Reduced, Step
+from tagmap.estimation.reduced import LEFT_OVER, Reduced, Step
 from tagmap.estimation.residuals import Residuals, Weights
 from tagmap.estimation.system import Belief, Point, System
 
@@ -21,7 +22,7 @@ DAMPING_FIRST = 1e-6
 DAMPING_LEAST = 1e-12
 DAMPING_MOST = 1e8
 MANY_PRODUCTS = 25
-# Gauss-Newton steps shrink faster and faster, but for what conjugate gradients leave, with a margin.
+# Gauss-Newton steps shrink ever faster, but for what conjugate gradients leave: with margins.
 MORE, SURE = 10.0, 0.1
 
 

@@ -11,32 +11,20 @@ cutting what couples subproblems: Dellaert et al., "Subgraph-preconditioned conj
 large scale SLAM", IROS 2010.)
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
-from scipy import linalg, sparse
-from scipy.sparse.linalg import splu
 
-from tagmap.conventions import Array, Index
-from tagmap.estimation.condensed import Condensed
-from tagmap.estimation.kernels import chain, segments
-from tagmap.estimation.kernels.layout import Linear, Short
+from tagmap.conventions import Array
+from tagmap.estimation.kernels import chain
+from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.preconditioner import Precondition, Preconditioner
 from tagmap.estimation.system import Point, System
 
-SEGMENT_SIGHTINGS = 36
-SEGMENT_POSES = 60
-DENSE_COLUMNS = 400
 MOST_PRODUCTS = 200
 DAMPED_LEAST = 1.0
 # How much of what a step could gain may be left to the next one.
 LEFT_OVER = 1e-4
-REGULAR = 1e-9
-
-
-Precondition: TypeAlias = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,58 +41,11 @@ class Step:
     products: int
 
 
-@dataclass(frozen=True, slots=True)
-class Pattern:
-    """Which tags meet in a segment: CSR of segments by tags, BSR of pairs of tags, lower ones."""
-
-    bounds: Index
-    start: Index
-    tags: Index
-    place: Index
-    indptr: Index
-    indices: Index
-
-    @classmethod
-    def of(
-        cls,
-        first: Index,
-        tag: Short,
-        n_tags: int,
-        slot_column: Index,
-        condensed: Condensed | None = None,
-    ) -> "Pattern":
-        bounds = np.zeros(len(first), dtype=np.int64)
-        n_segments = segments.cut(first, slot_column, SEGMENT_SIGHTINGS, SEGMENT_POSES, bounds)
-        bounds = bounds[: n_segments + 1]
-        start, tags = np.zeros(n_segments + 1, dtype=np.int64), np.empty(len(tag), dtype=np.int64)
-        n = segments.incidence(first, tag, bounds, n_tags, start, tags)
-        tags = tags[:n]
-        seen = sparse.csr_matrix((np.ones(n, np.float32), tags, start), (n_segments, n_tags))
-        met = seen.T @ seen + sparse.eye(n_tags, dtype=np.float32)
-        if condensed is not None:
-            also = np.ones(len(condensed.rows), np.float32), (condensed.rows, condensed.columns)
-            met = met + sparse.csr_matrix(also, met.shape)
-        pairs = sparse.tril(met).tocsr()
-        pairs.sort_indices()
-        indptr, indices = pairs.indptr.astype(np.int64), pairs.indices.astype(np.int64)
-        each = np.diff(start)
-        place = np.empty(int((each * (each + 1) // 2).sum()), dtype=np.int64)
-        segments.places(start, tags, indptr, indices, place)
-        return cls(bounds, start, tags, place, indptr, indices)
-
-    def places_of(self, rows: Index, columns: Index) -> Index:
-        """Where in BSR the pairs are."""
-        n = len(self.indptr)
-        key = np.repeat(np.arange(n - 1), np.diff(self.indptr)) * n + self.indices
-        place: Index = np.searchsorted(key, rows * n + columns)
-        return place
-
-
 class Reduced:
     """Solves for steps of one system; `precondition` can be used again where little has changed."""
 
     def __init__(self, system: System) -> None:
-        self._system = system
+        self._system, self._preconditioner = system, Preconditioner(system)
         n = system.problem.n_poses
         self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
         self._u, self._work = np.zeros((n, 6)), np.zeros((6, 6))
@@ -128,7 +69,8 @@ class Reduced:
         self._calibration = linear.calibration + _damped(linear.calibration, damping)
         self._fresh = renew or self.precondition is None
         if self._fresh:
-            precondition = self._preconditioner(point, damping)
+            tags = linear.tag_diagonal + (self._own - point.own)
+            precondition = self._preconditioner.at(point, tags, self._calibration, damping)
             if precondition is None:
                 return False
             self.precondition = precondition
@@ -215,52 +157,6 @@ class Reduced:
         chain.scatter(linear, tags, 1.0, self._u, out[:m].reshape(-1, 3), out[m:])
         return out
 
-    @cached_property
-    def _pattern(self) -> Pattern:
-        packed, problem = self._system.packed, self._system.problem
-        return Pattern.of(
-            packed.first,
-            packed.sighted.tag,
-            problem.n_tags,
-            packed.slot_column,
-            problem.condensed,
-        )
-
-    def _preconditioner(self, point: Point, damping: float) -> Precondition | None:
-        linear, pattern = point.linear, self._pattern
-        n_tags = len(self._own)
-        blocks = np.zeros((len(pattern.indices), 3, 3))
-        on_diagonal = pattern.indptr[1:] - 1
-        blocks[on_diagonal] = linear.tag_diagonal + (self._own - point.own)
-        condensed = self._system.problem.condensed
-        if condensed is not None:
-            off = condensed.rows != condensed.columns
-            place = pattern.places_of(condensed.rows[off], condensed.columns[off])
-            blocks[place] += condensed.blocks[off]
-        between, corner = linear.tag_calibration.copy(), self._calibration.copy()
-        if not segments.eliminate(
-            linear,
-            point.values.T,
-            pattern.bounds,
-            damping,
-            pattern.start,
-            pattern.tags,
-            pattern.place,
-            blocks,
-            between,
-            corner,
-        ):
-            return None
-        blocks[on_diagonal] += REGULAR * linear.tag_diagonal
-        shape = (3 * n_tags, 3 * n_tags)
-        if 3 * n_tags <= DENSE_COLUMNS:
-            solve = _dense(blocks, pattern, shape)
-        else:
-            solve = _sparse(blocks, pattern, shape)
-        if solve is None:
-            return None
-        return _bordered(solve, between.reshape(3 * n_tags, len(corner)), corner)
-
 
 def _damped(blocks: Array, damping: float) -> Array:
     """What Levenberg-Marquardt adds to blocks (..., n, n)."""
@@ -268,49 +164,3 @@ def _damped(blocks: Array, damping: float) -> Array:
     n = range(blocks.shape[-1])
     added[..., n, n] = damping * np.maximum(blocks[..., n, n], DAMPED_LEAST)
     return added
-
-
-def _dense(blocks: Array, pattern: Pattern, shape: tuple[int, int]) -> Precondition | None:
-    lower = sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape).toarray()
-    try:
-        factor = linalg.cholesky(lower, lower=True, overwrite_a=True, check_finite=False)
-    except linalg.LinAlgError:
-        return None
-    return lambda r: linalg.cho_solve((factor, True), r, check_finite=False)
-
-
-def _sparse(blocks: Array, pattern: Pattern, shape: tuple[int, int]) -> Precondition | None:
-    lower = sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape).tocsc()
-    strictly = sparse.tril(lower, -1)
-    diagonal = sparse.tril(lower).tocsc()
-    whole = (diagonal + strictly.T).tocsc()
-    try:
-        factor = splu(
-            whole,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError:
-        return None
-    return factor.solve
-
-
-def _bordered(solve: Precondition, between: Array, corner: Array) -> Precondition | None:
-    """Solve with a few columns more: [[M, between], [between', corner]]."""
-    m, q = between.shape
-    if not q:
-        return solve
-    across = np.column_stack([solve(np.ascontiguousarray(column)) for column in between.T])
-    left = corner - between.T @ across
-    try:
-        factor = linalg.cho_factor(0.5 * (left + left.T))
-    except linalg.LinAlgError:
-        return None
-
-    def bordered(r: Array) -> Array:
-        y = solve(r[:m])
-        c = linalg.cho_solve(factor, r[m:] - between.T @ y)
-        return np.concatenate([y - across @ c, c])
-
-    return bordered

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tagmap.conventions import Array, Form, Kind
-from tagmap.estimation import elimination
+from tagmap.estimation import elimination, preconditioner
 from tagmap.estimation import reduced as reduced_module
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.gauge import free_directions
@@ -76,15 +76,15 @@ def surveyed(request: pytest.FixtureRequest) -> bool:
     return chosen
 
 
-@pytest.mark.parametrize("columns", [0, 1000], ids=["sparse", "dense"])
+@pytest.mark.parametrize("flops", [0.0, 1e10], ids=["sparse", "banded"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_step_is_the_dense_step(
-    kind: Kind, surveyed: bool, columns: int, monkeypatch: pytest.MonkeyPatch
+    kind: Kind, surveyed: bool, flops: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Segments end in the middle of a chain, whose steps have unknowns of their own."""
-    monkeypatch.setattr(reduced_module, "DENSE_COLUMNS", columns)
+    monkeypatch.setattr(preconditioner, "MOST_BAND_FLOPS", flops)
     monkeypatch.setattr(reduced_module, "LEFT_OVER", 1e-15)
-    monkeypatch.setattr(reduced_module, "SEGMENT_SIGHTINGS", 8)
+    monkeypatch.setattr(preconditioner, "SEGMENT_SIGHTINGS", 8)
     stacked, truth = small(kind, surveyed=surveyed, stated=EVERYTHING, n=8)
     problem = stacked.problem
     system = System(problem)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tagmap.conventions import Array, Form, Kind
+from tagmap.estimation import preconditioner
 from tagmap.estimation import reduced as reduced_module
 from tagmap.estimation.condensed import Condensed
 from tagmap.estimation.covariance import Marginals
@@ -165,9 +166,9 @@ def _as_vector(system: System, point: Point, step: Step) -> Array:
     return np.concatenate([own.ravel(), tags.ravel(), step.calibration])
 
 
-@pytest.fixture(params=[0, 1000], ids=["sparse", "dense"])
+@pytest.fixture(params=[0.0, 1e10], ids=["sparse", "banded"])
 def _either_factor(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reduced_module, "DENSE_COLUMNS", request.param)
+    monkeypatch.setattr(preconditioner, "MOST_BAND_FLOPS", request.param)
 
 
 @pytest.mark.usefixtures("_either_factor")
@@ -176,7 +177,7 @@ def test_the_step_is_the_dense_step(
 ) -> None:
     problem, state = problem_and_start
     monkeypatch.setattr(reduced_module, "LEFT_OVER", 1e-15)
-    monkeypatch.setattr(reduced_module, "SEGMENT_SIGHTINGS", 8)
+    monkeypatch.setattr(preconditioner, "SEGMENT_SIGHTINGS", 8)
     system, point = _point(problem, state, Weights.ones(problem))
     step = _step(system, point)
     H, g = dense.assembled(system, point)

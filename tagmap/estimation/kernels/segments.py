@@ -1,5 +1,7 @@
 """The preconditioner: what short segments of the chains say of the tags, links between them cut."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tagmap.conventions import Array, Index
@@ -24,16 +26,19 @@ _REGULAR = 1e-9
 
 
 @compiled
-def cut(first: Index, slot_column: Index, sightings: int, poses: int, bounds: Index) -> int:
+def cut(
+    first: Index, slot_column: Index, row: Index, sightings: int, poses: int, bounds: Index
+) -> int:
     """Bounds (G + 1,) of segments that end after so many sightings or poses; returns G.
 
-    All poses of a segment have the same slots.
+    All poses of a segment have the same slots. row (N - 1,): of steps, chains end where it is -1.
     """
     n, begin = 0, 0
     bounds[0] = 0
     for i in range(1, len(first)):
         full = first[i] - first[begin] >= sightings or i - begin >= poses
-        if full or i == len(first) - 1 or _differs(slot_column[i], slot_column[i - 1]):
+        last = i == len(first) - 1 or row[i - 1] < 0
+        if full or last or _differs(slot_column[i], slot_column[i - 1]):
             n += 1
             bounds[n] = begin = i
     return n
@@ -83,22 +88,108 @@ def places(start: Index, tags: Index, indptr: Index, indices: Index, place: Inde
 
 
 @compiled
+def arrange(start: Index, tags: Index, position: Index) -> None:
+    """Number tags (M,) by breadth from one end, so that those of a segment have near numbers.
+
+    Cuthill, McKee, "Reducing the bandwidth of sparse symmetric matrices" (1969), on the segments
+    themselves instead of on pairs of tags.
+    """
+    n_tags = len(position)
+    begin = np.zeros(n_tags + 1, dtype=np.int64)
+    for t in tags:
+        begin[t + 1] += 1
+    for t in range(n_tags):
+        begin[t + 1] += begin[t]
+    fill, of = begin[:-1].copy(), np.empty(len(tags), dtype=np.int64)
+    for g in range(len(start) - 1):
+        for n in range(start[g], start[g + 1]):
+            of[fill[tags[n]]] = g
+            fill[tags[n]] += 1
+    queue, reached = np.empty(n_tags, dtype=np.int64), np.zeros(n_tags, dtype=np.int64)
+    used = np.zeros(len(start), dtype=np.int64)
+    done = round_ = 0
+    for root in range(n_tags):
+        if reached[root] > 0:
+            continue
+        # The tag that is reached last lies at an end: there the numbers begin.
+        for _ in range(2):
+            round_ += 1
+            queue[done], reached[root], end = root, round_, done + 1
+            at = done
+            while at < end:
+                t = queue[at]
+                at += 1
+                for m in range(begin[t], begin[t + 1]):
+                    g = of[m]
+                    if used[g] == round_:
+                        continue
+                    used[g] = round_
+                    for n in range(start[g], start[g + 1]):
+                        if reached[tags[n]] != round_:
+                            reached[tags[n]] = round_
+                            queue[end] = tags[n]
+                            end += 1
+            root = queue[end - 1]
+        done = end
+    for n in range(n_tags):
+        position[queue[n]] = n
+
+
+@compiled
+def spread(start: Index, tags: Index, position: Index) -> int:
+    """How far apart two tags of a segment are numbered at most."""
+    widest = 0
+    for g in range(len(start) - 1):
+        low, high = len(position), -1
+        for n in range(start[g], start[g + 1]):
+            low, high = min(low, position[tags[n]]), max(high, position[tags[n]])
+        widest = max(widest, high - low)
+    return widest
+
+
+@compiled
+def add_pairs(rows: Index, columns: Index, blocks: Array, position: Index, band: Array) -> None:
+    """Add blocks (P, 3, 3) of pairs of tags to the lower band: see Into."""
+    for n in range(len(rows)):
+        row, column = 3 * position[rows[n]], 3 * position[columns[n]]
+        for a in range(3):
+            for b in range(3):
+                i, j = row + a, column + b
+                if row > column or (row == column and a >= b):
+                    band[j, i - j] += blocks[n, a, b]
+                elif row < column:
+                    band[i, j - i] += blocks[n, a, b]
+
+
+class Into(NamedTuple):
+    """Where sums over segments go: into a band, or if that is empty into blocks of pairs of tags.
+
+    position (M,): where each tag comes in the band (3 M, width + 1): row j holds, from the diagonal
+    down, column j of the matrix. place: of each segment's pairs in blocks (B, 3, 3), of BSR.
+    """
+
+    position: Index
+    band: Array
+    place: Index
+    blocks: Array
+
+
+@compiled
 def eliminate(
     linear: Linear,
-    T: Array,
     bounds: Index,
     damping: float,
     start: Index,
     tags: Index,
-    place: Index,
-    blocks: Array,
+    into: Into,
     with_calibration: Array,
     calibration: Array,
 ) -> bool:
-    """Subtract the Schur complement of every segment from blocks (B, 3, 3), lower ones of BSR.
+    """Subtract the Schur complement of every segment from the lower triangle `into`.
 
-    with_calibration (M, 3, Q), calibration (Q, Q).
+    with_calibration (M, 3, Q), calibration (Q, Q). False where a pose is not determined.
     """
+    T = linear.T
     n_poses, slots = len(linear.diagonal), linear.pose_calibration.shape[2]
     widest = 0
     for g in range(len(start) - 1):
@@ -165,7 +256,10 @@ def eliminate(
             add_product(D, Y, used, Z, local)
             Y, previous = previous, Y
         own = tags[start[g] : start[g + 1]]
-        at_place = _spread(local, slots, own, place, at_place, blocks)
+        if len(into.band):
+            _spread_band(local, slots, own, into.position, into.band)
+        else:
+            at_place = _spread(local, slots, own, into.place, at_place, into.blocks)
         _spread_calibration(
             local, slots, own, linear.slot_column[begin], with_calibration, calibration
         )
@@ -314,6 +408,27 @@ def _spread(local: Array, slots: int, tags: Index, place: Index, at: int, blocks
                     for b in range(3):
                         blocks[block, b, a] -= local[x + a, y + b]
     return at
+
+
+@compiled
+def _spread_band(local: Array, slots: int, tags: Index, position: Index, band: Array) -> None:
+    """The same, from a band."""
+    for n in range(len(tags)):
+        for j in range(n + 1):
+            row, column = 3 * position[tags[n]], 3 * position[tags[j]]
+            x, y = slots + 3 * n, slots + 3 * j
+            if n == j:
+                for a in range(3):
+                    for b in range(a + 1):
+                        band[row + b, a - b] -= local[x + a, x + b]
+            elif row > column:
+                for b in range(3):
+                    for a in range(3):
+                        band[column + b, row + a - column - b] -= local[x + a, y + b]
+            else:
+                for a in range(3):
+                    for b in range(3):
+                        band[row + a, column + b - row - a] -= local[x + a, y + b]
 
 
 @compiled
