@@ -203,7 +203,7 @@ def test_no_step_gains_more_than_its_bound(problem_and_start: tuple[Problem, Sta
 
 def test_optimum_is_the_dense_optimum(problem_and_start: tuple[Problem, State]) -> None:
     problem, state = problem_and_start
-    optimum = optimise(problem, state, Options())
+    optimum = optimise(problem, state, Options(tolerance=1e-12))
     assert optimum.converged
     expected = dense.gauss_newton(problem, optimum.state, optimum.weights)
     np.testing.assert_allclose(optimum.state.p, expected.p, atol=1e-6)
