@@ -24,6 +24,8 @@ DAMPING_MOST = 1e8
 MANY_PRODUCTS = 25
 # Gauss-Newton steps shrink ever faster, but for what conjugate gradients leave: with margins.
 MORE, SURE = 10.0, 0.1
+# Of what may be left in all: a preconditioner of another point judges what is left by too little.
+LEFT_BY_STEP = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +142,7 @@ class Optimiser:
                 gain = self._options.tolerance * max(point.cost, 1.0)
                 if self._sharp and self._reduced.bound() <= gain:
                     return point, True
-                step = self._reduced.step(0.1 * gain)
+                step = self._reduced.step(LEFT_BY_STEP * gain)
                 self._products = step.products
                 self.products += step.products
                 if self._sharp and step.predicted <= gain:
