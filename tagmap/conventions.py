@@ -6,6 +6,8 @@ Frames
     base       the robot: x forward, y left, z up (REP-103)
     cam        left camera, optical: x right, y down, z forward
     cam_right  right camera, optical
+    pan, tilt  turn with the axes of a pan-tilt unit: z of pan is the pan axis, upwards, y of tilt
+               the tilt axis, to the left; angles are positive to the left and upwards
     laser      the scanner: origin on the axis of mirror Y, x along that axis, y along the
                undeflected beam, z towards mirror X; it rides with the camera
     `map -> odom -> base` as in REP-105. In a planar problem `cam` has no height: x forward, y left.

@@ -17,7 +17,7 @@ EVERY = click.IntRange(min=0)
 
 @click.group()
 def emulate() -> None:
-    """Devices that are not there, speaking their real protocols over real sockets."""
+    """Devices that are not there, speaking their real protocols over sockets and serial lines."""
 
 
 @emulate.command()
@@ -89,6 +89,51 @@ def llrp(
         host, port = server.address
         click.echo(f"llrp reader with {len(air.tags)} tags at {host}:{port}")
         _stay(duration_s, kept)
+
+
+@emulate.command("pan-tilt")
+@click.option(
+    "--link",
+    metavar="PATH",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Make a link to the port there, so that its name stays the same.",
+)
+@click.option(
+    "--baud",
+    type=click.IntRange(300, 1_000_000),
+    default=9600,
+    show_default=True,
+    metavar="N",
+    help="Speed of the line.",
+)
+@click.option("--garbage-every", type=EVERY, default=0, metavar="N", help="Spoil each N-th answer.")
+@click.option("--half-every", type=EVERY, default=0, metavar="N", help="Send half of each N-th.")
+@click.option("--mute-every", type=EVERY, default=0, metavar="N", help="Do not send each N-th.")
+@click.option(
+    "--noise-every", type=EVERY, default=0, metavar="N", help="Change a byte of each N-th."
+)
+@click.option(
+    "--duration-s", type=click.FloatRange(min=0.0), metavar="S", help="End after S seconds."
+)
+def pan_tilt(
+    link: Path | None,
+    baud: int,
+    garbage_every: int,
+    half_every: int,
+    mute_every: int,
+    noise_every: int,
+    duration_s: float | None,
+) -> None:
+    """A PTU-D46 on a pseudo terminal, until Ctrl-C. Prints the port to open."""
+    from fleet.cli.interrupt import interruptible
+    from fleet.emulation.pan_tilt.line import SerialFaults
+    from fleet.emulation.pan_tilt.terminal import UnitTerminal
+    from fleet.emulation.pan_tilt.unit import Unit
+
+    faults = SerialFaults(garbage_every, half_every, mute_every, noise_every)
+    with interruptible(), UnitTerminal(Unit(), link, faults, baud) as terminal:
+        click.echo(f"pan-tilt unit at {link or terminal.path}")
+        _stay(duration_s, None)
 
 
 def _stay(duration_s: float | None, kept: "KeptMemories | None") -> None:

@@ -11,8 +11,8 @@ from typing import Annotated, TypeAlias, TypeVar
 import msgspec
 from msgspec import Meta
 
+from robot_agent.backoff import Backoff
 from robot_agent.rfid.llrp import outcome, requests
-from robot_agent.rfid.llrp.backoff import Backoff
 from robot_agent.rfid.llrp.codec import Message, llrp
 from robot_agent.rfid.llrp.connection import Connection, ConnectionLost, Refused
 from robot_agent.rfid.llrp.reports import Fact, Sighting, WindowEvent, connection_status, facts

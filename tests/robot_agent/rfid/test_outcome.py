@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
+from robot_agent.backoff import FIRST_S, LONGEST_S, Backoff
 from robot_agent.rfid.llrp import outcome
-from robot_agent.rfid.llrp.backoff import FIRST_S, LONGEST_S, Backoff
 from robot_agent.rfid.llrp.codec import llrp
 from robot_agent.rfid.llrp.reports import Sighting, WindowEvent, facts
 from robot_agent.rfid.reader import Failure, Heard, UserWords

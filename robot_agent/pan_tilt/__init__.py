@@ -1,0 +1,1 @@
+"""Where the cameras look: the unit that turns them, its angles in time, where to look next."""

@@ -1,0 +1,60 @@
+"""Reads the angles again and again, so that every exposure lies between two readings."""
+
+import threading
+from types import TracebackType
+
+from robot_agent.pan_tilt.track import Pointing, PointingTrack
+from robot_agent.pan_tilt.unit import Failure, PanTilt
+
+PERIOD_S = 0.03
+PAUSE_S = 0.25
+"""After a failure."""
+
+
+class Poller:
+    """`with Poller(unit) as poller:` reads in a thread, while others move the unit."""
+
+    def __init__(self, unit: PanTilt, period_s: float = PERIOD_S) -> None:
+        self._unit = unit
+        self._period_s = period_s
+        self._track = PointingTrack()
+        self._failure: Failure | None = None
+        self._lock = threading.Lock()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._poll, name="pan-tilt", daemon=True)
+
+    def at(self, t_ns: int) -> Pointing | None:
+        """See PointingTrack.at; a reading after `t_ns` may still be on its way."""
+        with self._lock:
+            return self._track.at(t_ns)
+
+    @property
+    def failure(self) -> Failure | None:
+        """Why there are no new readings; None while there are."""
+        with self._lock:
+            return self._failure
+
+    def __enter__(self) -> "Poller":
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self._stopping.set()
+        self._thread.join()
+
+    def _poll(self) -> None:
+        pause_s = 0.0
+        while not self._stopping.wait(pause_s):
+            reading = self._unit.read()
+            with self._lock:
+                if isinstance(reading, Failure):
+                    self._failure = reading
+                else:
+                    self._failure = None
+                    self._track.add(reading)
+            pause_s = PAUSE_S if isinstance(reading, Failure) else self._period_s
