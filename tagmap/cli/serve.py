@@ -42,6 +42,22 @@ from tagmap.cli.options import ENDPOINT, site_option
     metavar="FILE",
     help="Sign what is written in tags with this file's content, 16 bytes or more.",
 )
+@click.option(
+    "--keep-keyframes",
+    type=click.IntRange(min=0),
+    default=1_000_000,
+    show_default=True,
+    metavar="N",
+    help="Once there are more, the oldest condensed ones leave the database; 0: all stay.",
+)
+@click.option(
+    "--keep-versions",
+    type=click.IntRange(min=0),
+    default=1000,
+    show_default=True,
+    metavar="N",
+    help="Newest map versions that keep their tags; 0: all do.",
+)
 def serve(
     listen: str | None,
     connect: tuple[str, ...],
@@ -51,6 +67,8 @@ def serve(
     survey: Path | None,
     site_number: int | None,
     memory_key: Path | None,
+    keep_keyframes: int,
+    keep_versions: int,
 ) -> None:
     """Run the map service until SIGTERM or Ctrl-C.
 
@@ -63,9 +81,11 @@ def serve(
     surveys = read_surveys(survey) if survey else []
     from tagmap.memory.key_file import read_key
     from tagmap.service.run import Settings, run
+    from tagmap.store import Keep
     from tagmap.writeback.wanted import Owner
 
     if not connect and zenoh_config is None:
         listen = listen or ENDPOINT
     owner = Owner(site_number, read_key(memory_key) if memory_key else None)
-    run(Settings(site, db, listen, connect, zenoh_config, surveys, owner))
+    keep = Keep(keep_keyframes or None, keep_versions or None)
+    run(Settings(site, db, listen, connect, zenoh_config, surveys, owner, keep))

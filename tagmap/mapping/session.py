@@ -48,6 +48,15 @@ class SessionIndex:
             self.contiguous += 1
             self.beyond.remove(self.contiguous)
 
+    def settle_run(self, first: int, last: int) -> None:
+        """All seqs from first to last, without naming those that follow on what is settled."""
+        if first <= self.contiguous + 1:
+            self.contiguous = max(self.contiguous, last)
+            self.beyond = {seq for seq in self.beyond if seq > self.contiguous}
+        else:
+            self.beyond.update(range(first, last + 1))
+        self.settle(())
+
     def store(self, keyframe: Keyframe) -> None:
         self.refusals.pop(keyframe.seq, None)
         self.remember(keyframe)

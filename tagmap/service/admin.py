@@ -56,6 +56,8 @@ def tags_list(mapper: Mapper, args: Args) -> Any:
             gauge = next((v.gauge for v in store.versions() if v.version == version), None)
             if gauge is None:
                 raise RecordRefused(f"there is no map version {version}")
+            if not tags:
+                raise RecordRefused(f"the tags of map version {version} are not kept")
             return _tag_list(version, gauge, selection.of(tags))
 
         return read

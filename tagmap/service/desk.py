@@ -163,6 +163,8 @@ class Desk:
             tags = store.tags(selection.version)
             if not tags and all(v.version != selection.version for v in store.versions()):
                 raise RecordRefused(f"there is no map version {selection.version}")
+            if not tags:
+                raise RecordRefused(f"the tags of map version {selection.version} are not kept")
             return self._tag_answers(query.key, selection.of(tags))
 
         self._archive.ask(query, lookup)

@@ -84,8 +84,8 @@ class Mapmaker:
         return self._can_begin() and (from_nothing or changed or self._has_grown(GROWTH))
 
     def _can_begin(self) -> bool:
-        """Few enough keyframes for it."""
-        return self._facts.usable() <= MOST_FROM_NOTHING
+        """Few enough keyframes for it, and all of them there."""
+        return self._facts.usable() <= MOST_FROM_NOTHING and not self._store.has_archived()
 
     def _has_grown(self, by: float) -> bool:
         assert self._living is not None

@@ -35,6 +35,8 @@ def _index(store: SiteStore, row: SessionRow) -> SessionIndex:
     refused = row.refused if row.hello is None else None
     index = SessionIndex(row.robot, row.session, row.hello, refused)
     index.settle(store.settled(row.robot, row.session))
+    for run in store.archived(row.robot, row.session):
+        index.settle_run(*run)
     for refusal in reversed(store.refusals(row.robot, row.session, limit=MAX_REFUSALS)):
         if refusal.seq is not None:
             index.refusals[refusal.seq] = refusal.reason

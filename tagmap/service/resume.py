@@ -13,13 +13,18 @@ from tagmap.store import SiteStore
 
 
 def resumed(store: SiteStore) -> Living | None:
-    """None where nothing was condensed, or by another version of this program."""
+    """None where nothing was condensed, or by another version of this program.
+
+    TagmapError where that cannot be read, and keyframes that are in it have left.
+    """
     condensed, version = store.condensed(), store.latest_version()
     if condensed is None or version is None:
         return None
     try:
         kept = unpacked(condensed.content)
     except TagmapError:
+        if store.has_archived():
+            raise
         return None
     covered: dict[Name, Spans] = {}
     for robot, session, first, last in condensed.covered:

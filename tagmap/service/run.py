@@ -22,7 +22,7 @@ from tagmap.service.inbox import Inbox
 from tagmap.service.memories import JobAnswer
 from tagmap.service.shell import Presence, Service
 from tagmap.service.solver import SolverProcess
-from tagmap.store import SiteStore
+from tagmap.store import Keep, SiteStore
 from tagmap.writeback.wanted import Owner
 
 CAPACITY = 2048
@@ -42,6 +42,7 @@ class Settings:
     zenoh_config: Path | None
     surveys: list[SurveyedPosition]
     owner: Owner
+    keep: Keep
 
 
 def run(settings: Settings) -> None:
@@ -69,7 +70,9 @@ def _serve(settings: Settings, stopping: threading.Event) -> None:
         archive = opened.enter_context(_archive(settings))
         solver = SolverProcess(settings.db, settings.site, inbox.put)
         opened.callback(solver.stop)
-        service = Service(store, link, router, solver, archive, inbox, settings.owner)
+        service = Service(
+            store, link, router, solver, archive, inbox, settings.owner, settings.keep
+        )
         service.survey(settings.surveys)
         _listen(link, Keys(settings.site), inbox)
         endpoints = [settings.listen] if settings.listen else list(settings.connect)

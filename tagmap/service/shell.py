@@ -31,12 +31,13 @@ from tagmap.service.restore import restore
 from tagmap.service.solver import Failed, Solved, SolverProcess
 from tagmap.service.solving import Solving
 from tagmap.service.throttle import Throttle
-from tagmap.store import Batch, Reading, RefusalRow, SiteStore, Survey
+from tagmap.store import Batch, Keep, Reading, RefusalRow, SiteStore, Survey
 from tagmap.writeback.wanted import Owner
 
 BATCH = 512
 TURN_S = 0.1
 ROUTER_CHECK_S = 0.5
+LET_GO_S = 2.0
 RETRY_S = 1.0
 NAMED = 10
 
@@ -59,7 +60,9 @@ class Service:
         archive: Archive,
         inbox: Inbox,
         owner: Owner,
+        keep: Keep,
     ) -> None:
+        self.keep = keep
         self.store, self.link, self.router, self.inbox = store, link, router, inbox
         self.keys = Keys(store.site)
         self.log = structlog.get_logger("service")
@@ -76,6 +79,7 @@ class Service:
         self.broken_until_s: float | None = None
         self.complained = False
         self.router_check_s = 0.0
+        self.let_go_s = 0.0
 
     def run(self, stopping: threading.Event) -> None:
         while not stopping.is_set():
@@ -88,6 +92,7 @@ class Service:
             self._do(self._follow)
             self._do(self.solving.tick)
             self._do(self._write_back)
+            self._do(self._let_go)
             self._keep_router()
             self._report_flood()
         self.solving.turn_away("the service stops")
@@ -174,6 +179,14 @@ class Service:
             withheld=version.withheld,
             **{name: summary[name] for name in told},
         )
+
+    def _let_go(self) -> None:
+        """Of what is too old, a little at a time, and nothing that the solver may be reading."""
+        now_s = time.monotonic()
+        if now_s < self.let_go_s or self.solving.cadence.running is not None:
+            return
+        went = self.store.archive(self.keep)
+        self.let_go_s = now_s + (0.0 if went else LET_GO_S)
 
     def _break(self, error: Exception) -> None:
         """The mapper is ahead of the database, or broken: no acknowledgement, start over."""

@@ -1,5 +1,6 @@
 """SQLite: the site database and the agent's outbox. The only room that knows about it."""
 
+from tagmap.store.archive import Keep
 from tagmap.store.batch import Batch, Inserted, Reading, RefusalRow, Survey
 from tagmap.store.outbox import Outbox, OutboxCounts, RefusedMessage
 from tagmap.store.rows import (
@@ -19,6 +20,7 @@ __all__ = [
     "Condensed",
     "Counts",
     "Inserted",
+    "Keep",
     "MemoryRow",
     "Outbox",
     "OutboxCounts",

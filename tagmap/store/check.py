@@ -10,7 +10,7 @@ import numpy as np
 from tagmap.errors import RecordRefused, StoreError
 from tagmap.records import Hello, Keyframe, MapVersion, Tag, decode, encode
 from tagmap.records.base import check_covariance, check_finite
-from tagmap.store import keyframes, maps
+from tagmap.store import archive, keyframes, maps
 from tagmap.store.blobs import unpack
 from tagmap.store.connection import Connection, connect
 from tagmap.store.migrations import SITE, objects, require_newest
@@ -101,7 +101,8 @@ def _sessions(db: Connection) -> Iterator[str]:
 def _tallies(db: Connection) -> Iterator[str]:
     """The counts kept in `sessions`; withdrawn keyframes do not count."""
     rows = db.rows(
-        "SELECT robots.name, session, sessions.keyframes, sessions.sightings, "
+        "SELECT robots.name, session, sessions.keyframes - sessions.archived, "
+        "sessions.sightings - sessions.archived_sightings, "
         "count(keyframes.id), coalesce(sum((SELECT count(*) FROM sightings "
         "WHERE keyframe_id = keyframes.id)), 0) "
         "FROM sessions JOIN robots ON robots.id = robot_id "
@@ -192,6 +193,9 @@ def _condensed(db: Connection) -> Iterator[str]:
         end = session_id, last
         count = "SELECT count(*) FROM keyframes WHERE session_id = ? AND seq BETWEEN ? AND ?"
         n = db.scalar(count, [session_id, first, last])
+        n += sum(
+            max(0, min(last, b) - max(first, a) + 1) for a, b in archive.runs_of(db, session_id)
+        )
         if n != last - first + 1:
             yield f"covered: session {session_id}: {n} of seq {first}..{last} stored"
 
@@ -201,6 +205,8 @@ def _poses(db: Connection, newest: int) -> Iterator[str]:
         seqs = {
             q for (q,) in db.rows("SELECT seq FROM keyframes WHERE session_id = ?", [session_id])
         }
+        for first, last in archive.runs_of(db, session_id):
+            seqs.update(range(first, last + 1))
         runs = (
             "SELECT rowid, version, alive, first_t_ns, last_t_ns FROM keyframe_poses "
             "WHERE session_id = ?"
@@ -226,4 +232,15 @@ def _check_run(poses: SessionPoses, first_t_ns: int, last_t_ns: int, seqs: set[i
         raise ValueError(f"is of keyframes that do not exist: seq {unknown[:5]}")
 
 
-CONTENTS = [_references, _site, _sessions, _keyframes, _surveys, _maps, _condensed]
+def _archived(db: Connection) -> Iterator[str]:
+    for session_id, n in db.rows("SELECT id, archived FROM sessions"):
+        runs = archive.runs_of(db, session_id)
+        if sum(last - first + 1 for first, last in runs) != n:
+            yield f"archived: of session {session_id}, {n} keyframes expected"
+        for first, last in runs:
+            both = "SELECT count(*) FROM keyframes WHERE session_id = ? AND seq BETWEEN ? AND ?"
+            if db.scalar(both, [session_id, first, last]):
+                yield f"archived: session {session_id}, seq {first}..{last} stored as well"
+
+
+CONTENTS = [_references, _site, _sessions, _keyframes, _surveys, _maps, _condensed, _archived]

@@ -14,7 +14,9 @@ _HELLO = "UPDATE sessions SET hello = ? WHERE id = ? AND hello IS NULL"
 _NUMBER = "UPDATE robots SET number = ? WHERE id = ? AND number IS NULL"
 _KEYFRAME = (
     "INSERT INTO keyframes (id, session_id, seq, t_ns, T_prev_cur, odom_cov, T_base_cam) "
-    "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (session_id, seq) DO NOTHING"
+    "SELECT ?1, ?2, ?3, ?4, ?5, ?6, ?7 WHERE NOT EXISTS (SELECT 1 FROM archived "
+    "WHERE session_id = ?2 AND first_seq <= ?3 AND ?3 <= last_seq) "
+    "ON CONFLICT (session_id, seq) DO NOTHING"
 )
 _SIGHTING = "INSERT INTO sightings VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 _TALLY = "UPDATE sessions SET keyframes = keyframes + ?, sightings = sightings + ? WHERE id = ?"

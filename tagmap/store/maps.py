@@ -63,6 +63,7 @@ def insert_version(
         db.executemany("INSERT INTO keyframe_poses VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", runs)
     if step.afresh or step.condensed is not None:
         condensed.replace(db, version.version, step.condensed)
+        _expect_archived(db)
 
 
 def read_versions(db: Connection) -> list[MapVersion]:
@@ -150,6 +151,16 @@ def read_alive(db: Connection) -> list[SessionPoses]:
     runs = map(_poses, db.rows(f"{_POSES} WHERE alive ORDER BY session_id, first_t_ns"))
     by_session = groupby(runs, key=lambda run: (run.robot, run.session))
     return [_joined(list(session)) for _, session in by_session]
+
+
+def _expect_archived(db: Connection) -> None:
+    """Nothing that has left can be said anew: StoreError where a version has not got it."""
+    lost = db.row(
+        "SELECT session_id FROM archived AS a WHERE NOT EXISTS (SELECT 1 FROM covered AS c WHERE "
+        "c.session_id = a.session_id AND c.first_seq <= a.first_seq AND a.last_seq <= c.last_seq)"
+    )
+    if lost is not None:
+        raise StoreError(f"{db.path}: a map version without keyframes that have been archived")
 
 
 def _move_poses(db: Connection, T_new_old: Array) -> None:

@@ -289,6 +289,50 @@ def condensing(db: "Database") -> None:
     db.execute("ALTER TABLE keyframe_poses ADD COLUMN alive INTEGER NOT NULL DEFAULT 1")
 
 
+def archiving(db: "Database") -> None:
+    """Which condensed keyframes have left. Only those may; of old versions, only tags and summary.
+
+    `sessions.archived` and `archived_sightings` count them; `keyframes` and `sightings` still do.
+    """
+    db.execute(
+        """CREATE TABLE archived (
+            session_id INTEGER NOT NULL REFERENCES sessions (id),
+            first_seq INTEGER NOT NULL CHECK (first_seq >= 1),
+            last_seq INTEGER NOT NULL CHECK (last_seq >= first_seq),
+            PRIMARY KEY (session_id, first_seq)) WITHOUT ROWID"""
+    )
+    db.execute("ALTER TABLE sessions ADD COLUMN archived INTEGER NOT NULL DEFAULT 0")
+    db.execute("ALTER TABLE sessions ADD COLUMN archived_sightings INTEGER NOT NULL DEFAULT 0")
+    for table in ("keyframes", "sightings", "tag_estimates"):
+        db.execute(f"DROP TRIGGER {table}_no_delete")
+    db.execute("DROP TRIGGER map_versions_no_update")
+    covered = (
+        "SELECT 1 FROM covered WHERE session_id = {0}.session_id "
+        "AND first_seq <= {0}.seq AND {0}.seq <= last_seq"
+    )
+    db.execute(
+        "CREATE TRIGGER keyframes_no_delete BEFORE DELETE ON keyframes WHEN NOT EXISTS ("
+        + covered.format("OLD")
+        + ") BEGIN SELECT RAISE(ABORT, 'a keyframe that is not condensed stays'); END"
+    )
+    db.execute(
+        "CREATE TRIGGER sightings_no_delete BEFORE DELETE ON sightings WHEN NOT EXISTS ("
+        "SELECT 1 FROM keyframes AS k WHERE k.id = OLD.keyframe_id AND EXISTS ("
+        + covered.format("k")
+        + ")) BEGIN SELECT RAISE(ABORT, 'a keyframe that is not condensed stays'); END"
+    )
+    db.execute(
+        "CREATE TRIGGER tag_estimates_no_delete BEFORE DELETE ON tag_estimates "
+        "WHEN OLD.version = (SELECT max(version) FROM map_versions) "
+        "BEGIN SELECT RAISE(ABORT, 'the newest version stays'); END"
+    )
+    db.execute(
+        "CREATE TRIGGER map_versions_no_update BEFORE UPDATE "
+        "OF version, t_ns, cause, gauge, moved, tags, withheld ON map_versions "
+        "BEGIN SELECT RAISE(ABORT, 'map_versions is append-only'); END"
+    )
+
+
 def outbox(db: "Database") -> None:
     """An agent's messages until they are settled, and where its sources were.
 
@@ -316,5 +360,5 @@ def outbox(db: "Database") -> None:
         )
 
 
-SITE = Schema("site", 0x7461676D, (observations, maps, memories, condensing))
+SITE = Schema("site", 0x7461676D, (observations, maps, memories, condensing, archiving))
 OUTBOX = Schema("outbox", 0x7461676F, (outbox,))

@@ -42,7 +42,9 @@ class MemoryRow:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """`tags` are those of the newest map version."""
+    """`tags` are those of the newest map version. Of the keyframes, `condensed` are not needed by
+    the solver any more; of these, `archived` have left the database.
+    """
 
     robots: int
     sessions: int
@@ -51,6 +53,8 @@ class Counts:
     refusals: int
     tags: int
     versions: int
+    condensed: int
+    archived: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)

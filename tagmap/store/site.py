@@ -6,7 +6,8 @@ from typing import Any, Self
 
 from tagmap.errors import RecordRefused, StoreError
 from tagmap.records import Hello, Keyframe, MapVersion, Tag, decode
-from tagmap.store import condensed, keyframes, maps
+from tagmap.store import archive, condensed, keyframes, maps
+from tagmap.store.archive import Keep
 from tagmap.store.batch import Batch, Inserted, RefusalRow, Survey
 from tagmap.store.blobs import unpack
 from tagmap.store.connection import Connection
@@ -157,6 +158,22 @@ class SiteStore:
         """The same without those that are condensed."""
         return keyframes.read_uncovered(self._db, self.site, after_id)
 
+    def archive(self, keep: Keep) -> int:
+        """Let go of the oldest of what is too much, a little at a time; 0 when there is no more."""
+        return archive.archive(self._db, keep)
+
+    def archived(self, robot: str, session: str) -> list[tuple[int, int]]:
+        """(first, last) of runs of its seqs that have left, and count as stored."""
+        row = self._db.row(
+            "SELECT sessions.id FROM sessions JOIN robots ON robots.id = robot_id "
+            "WHERE robots.name = ? AND session = ?",
+            [robot, session],
+        )
+        return [] if row is None else archive.runs_of(self._db, row[0])
+
+    def has_archived(self) -> bool:
+        return self._db.row("SELECT 1 FROM archived LIMIT 1") is not None
+
     def newest_id(self) -> int:
         """Row id of the last keyframe, 0 for none."""
         return int(self._db.scalar("SELECT coalesce(max(id), 0) FROM keyframes"))
@@ -224,7 +241,9 @@ class SiteStore:
             "coalesce(sum(sightings), 0), (SELECT count(*) FROM refusals), "
             "(SELECT count(*) FROM tag_estimates "
             "WHERE version = (SELECT max(version) FROM map_versions)), "
-            "(SELECT count(*) FROM map_versions) FROM sessions"
+            "(SELECT count(*) FROM map_versions), "
+            "(SELECT coalesce(sum(last_seq - first_seq + 1), 0) FROM covered), "
+            "coalesce(sum(archived), 0) FROM sessions"
         )[0]
         return Counts(*row)
 

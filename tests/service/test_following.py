@@ -7,6 +7,7 @@ from tagmap.store import SiteStore
 from tagmap.store.check import check
 from tests.mapping.messages import hello
 from tests.mapping.world import drive
+from tests.service.conftest import Client
 from tests.service.test_serve import children_of, command_of
 
 LOT = 100
@@ -58,3 +59,24 @@ def test_everything_can_be_solved_again(client):
     assert again["version"] == first["version"] + 1
     assert again["cause"] == "solved from nothing"
     assert client.admin("map", "solve")["version"] == again["version"]
+
+
+def test_old_keyframes_leave_and_are_not_taken_again(serve, eventually):
+    keep = ("--keep-keyframes", "350", "--keep-versions", "3")
+    client = Client(serve.start(*keep).endpoint)
+    deliver(client, 1, 700)
+    eventually(lambda: client.admin("site", "status")["archived"] == 350)
+    versions = client.admin("map", "versions")["versions"]
+    (reply,) = client.ask(f"{client.keys.map_tags()}?version=1")
+    assert "not kept" in reply.error
+    serve.kill()
+    serve.start(*keep)
+    assert client.deliver(hello(), *(drive(seq) for seq in range(1, 100))).contiguous == 700
+    assert deliver(client, 701, 750)["keyframes"] == 750
+    status = client.admin("site", "status")
+    assert status["keyframes"] == 750
+    assert status["condensed"] >= status["archived"] >= 350
+    assert status["map_version"] == versions[-1]["version"] + 1
+    client.link.close()
+    assert serve.stop() == 0
+    assert check(serve.folder / "site.db") == []

@@ -89,7 +89,7 @@ def test_an_empty_site(path: Path) -> None:
         ),
         ("DROP INDEX keyframe_poses_by_time", "schema: keyframe_poses_by_time is missing"),
         ("ALTER TABLE surveys ADD COLUMN mood TEXT", "schema: surveys is not as the migrations"),
-        ("DELETE FROM _sqlite_migrations WHERE name = 'condensing'", "lacks condensing"),
+        ("DELETE FROM _sqlite_migrations WHERE name = 'archiving'", "lacks archiving"),
     ],
 )
 def test_each_corruption_is_found(

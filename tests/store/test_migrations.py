@@ -49,7 +49,7 @@ def with_a_site(path: Path, schema: Schema) -> None:
 def test_the_record_names_every_migration(path: Path) -> None:
     open_for_writing(path, SITE, create=True).close()
     db = open_for_reading(path, SITE)
-    assert applied(db, SITE) == ["observations", "maps", "memories", "condensing"]
+    assert applied(db, SITE) == ["observations", "maps", "memories", "condensing", "archiving"]
     db.close()
 
 
@@ -75,7 +75,8 @@ def test_a_reader_does_not_migrate(path: Path) -> None:
     with_a_site(path, OLD)
     before = dump(path)
     with pytest.raises(
-        StoreError, match=r"older than this version of tagmap \(lacks maps, memories, condensing\)"
+        StoreError,
+        match=r"older than this version of tagmap \(lacks maps, memories, condensing, archiving\)",
     ):
         SiteStore.open(path, read_only=True)
     assert dump(path) == before
