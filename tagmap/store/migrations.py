@@ -313,23 +313,27 @@ def archiving(db: "Database") -> None:
     db.execute(
         "CREATE TRIGGER keyframes_no_delete BEFORE DELETE ON keyframes WHEN NOT EXISTS ("
         + covered.format("OLD")
-        + ") BEGIN SELECT RAISE(ABORT, 'a keyframe that is not condensed stays'); END"
+        + ") BEGIN SELECT RAISE(ABORT, 'keyframes is append-only but for condensed ones'); END"
     )
     db.execute(
         "CREATE TRIGGER sightings_no_delete BEFORE DELETE ON sightings WHEN NOT EXISTS ("
         "SELECT 1 FROM keyframes AS k WHERE k.id = OLD.keyframe_id AND EXISTS ("
         + covered.format("k")
-        + ")) BEGIN SELECT RAISE(ABORT, 'a keyframe that is not condensed stays'); END"
+        + ")) BEGIN SELECT RAISE(ABORT, 'sightings is append-only but for condensed ones'); END"
     )
     db.execute(
         "CREATE TRIGGER tag_estimates_no_delete BEFORE DELETE ON tag_estimates "
         "WHEN OLD.version = (SELECT max(version) FROM map_versions) "
-        "BEGIN SELECT RAISE(ABORT, 'the newest version stays'); END"
+        "BEGIN SELECT RAISE(ABORT, 'tag_estimates is append-only but for old versions'); END"
+    )
+    same = " AND ".join(
+        f"NEW.{name} IS OLD.{name}"
+        for name in ("version", "t_ns", "cause", "gauge", "moved", "tags", "withheld")
     )
     db.execute(
-        "CREATE TRIGGER map_versions_no_update BEFORE UPDATE "
-        "OF version, t_ns, cause, gauge, moved, tags, withheld ON map_versions "
-        "BEGIN SELECT RAISE(ABORT, 'map_versions is append-only'); END"
+        "CREATE TRIGGER map_versions_no_update BEFORE UPDATE ON map_versions "
+        f"WHEN NOT (NEW.summary = '{{}}' AND {same}) "
+        "BEGIN SELECT RAISE(ABORT, 'map_versions is append-only but for old summaries'); END"
     )
 
 

@@ -56,7 +56,7 @@ def test_only_what_is_condensed_leaves(site: Site) -> None:
     assert counts.condensed >= counts.archived
     assert check(site.path) == []
     for table in ("keyframes", "sightings"):
-        with pytest.raises(StoreError, match="not condensed stays"):
+        with pytest.raises(StoreError, match="append-only but for condensed"):
             site.store._db.execute(f"DELETE FROM {table}")
 
 

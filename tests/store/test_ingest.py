@@ -108,7 +108,7 @@ def test_a_commit_says_how_much_of_it_was_new(tmp_path: Path) -> None:
         assert store.commit(batch) == Inserted(0, 0, 0, 0, 0)
         assert store.commit(Batch()) == Inserted(0, 0, 0, 0, 0)
         assert store.settled("r1", "session-1") == [0, 1, 2, 3]
-        assert store.counts() == Counts(1, 1, 2, 4, 1, 0, 0)
+        assert store.counts() == Counts(1, 1, 2, 4, 1, 0, 0, 0, 0)
 
 
 def test_a_duplicate_that_says_something_else_changes_nothing(tmp_path: Path) -> None:
