@@ -5,6 +5,7 @@ import click
 from fleet.cli.bench import bench
 from fleet.cli.demo import demo
 from fleet.cli.emulate import emulate
+from fleet.cli.emulate_galvo import galvo
 from fleet.cli.replay import replay
 from fleet.cli.thesis import thesis
 from tagmap import __version__
@@ -16,5 +17,6 @@ def cli() -> None:
     """Simulated and recorded robots, run through the real programs and judged against truth."""
 
 
+emulate.add_command(galvo)
 for command in (demo, replay, emulate, bench, thesis):
     cli.add_command(command)

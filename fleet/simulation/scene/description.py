@@ -68,9 +68,19 @@ class ReaderDescription(_Part, frozen=True):
     phantom: Chance = 0.0
 
 
+class LaserDescription(_Part, frozen=True):
+    """`[laser]`: where cam is that it rides with, and what its beam lights, see TrueLaser."""
+
+    p_m: tuple[Metres, Metres, Metres] = (0.0, 0.0, 0.0)
+    q_wxyz: tuple[Metres, Metres, Metres, Metres] = (1.0, 0.0, 0.0, 0.0)
+    reach_m: Range = 0.02
+    range_m: Range = 30.0
+
+
 class SceneDescription(_Part, frozen=True):
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     reader: ReaderDescription = ReaderDescription()
+    laser: LaserDescription = LaserDescription()
     tag: tuple[TagDescription, ...] = ()
 
 

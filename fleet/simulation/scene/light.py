@@ -1,5 +1,6 @@
 """Which tags have light on their switch, and since when."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -31,17 +32,30 @@ class Schedule:
         return t_ns - into if into < self.on_ns else None
 
 
+@dataclass(frozen=True, slots=True)
+class _Beam:
+    """Since when the beam has been on which tags, and until when."""
+
+    since_ns: dict[str, int]
+    until_ns: float
+
+
 @dataclass(slots=True)
 class Beams:
     """Lasers, each with the tags that its beam is on at present: none, one, rarely more."""
 
-    _on: dict[str, dict[str, int]] = field(default_factory=dict)
+    _on: dict[str, _Beam] = field(default_factory=dict)
 
-    def shine(self, laser: str, tags: Iterable[str], t_ns: int) -> None:
-        """From `t_ns` on the beam of `laser` is on `tags` and on no others."""
-        before = self._on.get(laser, {})
-        self._on[laser] = {tag: before.get(tag, t_ns) for tag in tags}
+    def shine(self, laser: str, tags: Iterable[str], t_ns: int, until_ns: float = math.inf) -> None:
+        """From `t_ns` to `until_ns` the beam of `laser` is on `tags` and on no others."""
+        beam = self._on.get(laser)
+        before = beam.since_ns if beam is not None and t_ns <= beam.until_ns else {}
+        self._on[laser] = _Beam({tag: before.get(tag, t_ns) for tag in tags}, until_ns)
 
     def lit_since(self, tag: str, t_ns: int) -> int | None:
-        since = [on[tag] for on in self._on.values() if tag in on and on[tag] <= t_ns]
-        return min(since, default=None)
+        since = (
+            beam.since_ns[tag]
+            for beam in self._on.values()
+            if tag in beam.since_ns and t_ns < beam.until_ns
+        )
+        return min((at_ns for at_ns in since if at_ns <= t_ns), default=None)

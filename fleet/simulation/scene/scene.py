@@ -1,5 +1,6 @@
 """All tags, lasers and readers of a place, for any number of threads."""
 
+import math
 import threading
 from collections.abc import Iterable
 
@@ -27,10 +28,11 @@ class Scene:
     def tag(self, name: str) -> Tag:
         return self._by_name[name]
 
-    def shine(self, laser: str, tags: Iterable[str], t_ns: int) -> None:
-        """From `t_ns` on the beam of `laser` is on the tags of these names, and on no others."""
+    def shine(self, laser: str, tags: Iterable[str], t_ns: int, until_ns: float = math.inf) -> None:
+        """From `t_ns` to `until_ns` the beam of `laser` is on the tags of these names, and on no
+        others."""
         with self.lock:
-            self._beams.shine(laser, tags, t_ns)
+            self._beams.shine(laser, tags, t_ns, until_ns)
 
     def move(self, reader: str, p_map: Place) -> None:
         with self.lock:

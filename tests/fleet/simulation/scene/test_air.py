@@ -162,3 +162,13 @@ def test_answers_depend_on_the_question_not_on_the_order():
     backward = [(t, r, heard(once, t, r)) for t in reversed(times) for r in ("r2", "r1")]
     assert sorted(backward) == sorted(forward)
     assert [f[2] for f in forward[::2]] != [f[2] for f in forward[1::2]], "readers differ"
+
+
+def test_a_beam_ends_when_it_was_said_to():
+    beams = Beams()
+    beams.shine("r1", ["a"], 10, until_ns=20)
+    assert [beams.lit_since("a", t) for t in (9, 10, 19, 20)] == [None, 10, 10, None]
+    beams.shine("r1", ["a"], 15, until_ns=30)
+    assert beams.lit_since("a", 29) == 10, "prolonged while it was on"
+    beams.shine("r1", ["a"], 40, until_ns=50)
+    assert beams.lit_since("a", 45) == 40

@@ -1,0 +1,1 @@
+"""The laser and its mirrors: what is asked of them, their drivers, and the interlock."""
