@@ -53,7 +53,7 @@ def galvo(
     lose_every: int,
     duration_s: float | None,
 ) -> None:
-    """A laser with two mirrors, until Ctrl-C. Tags of the scene answer while its beam is on them."""
+    """A laser with two mirrors, until Ctrl-C. Tags answer while its beam is on them."""
     import time
 
     from fleet.cli.interrupt import interruptible
