@@ -1,0 +1,1 @@
+"""Pairs of images with the time of their exposure: from recorded folders, from OpenCV."""
