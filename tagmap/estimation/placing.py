@@ -74,23 +74,31 @@ def _parts(kind: Kind, chains: list[Chain], join: Join | None) -> list[Part]:
 
 
 class _Part:
-    """Chains laid onto a seed, joined each time there are LEAST_GROWN times as many poses."""
+    """Chains laid onto a seed, joined each time there are LEAST_GROWN times as many poses.
+
+    Only where they brought tags: while each was laid onto the same ones nothing could add up.
+    """
 
     def __init__(self, kind: Kind, seed: Chain, waiting: list[Chain], join: Join | None) -> None:
         self.placed = [Placed(seed, np.eye(seed.T.shape[-1]))]
         self.laying = _Laying(kind, seed.local, waiting)
-        joined = self._n_poses
+        self._joined = self._size
         while laid := self.laying.lay():
             self.placed += [Placed(chain, T) for chain, T in laid]
-            if join is not None and self._n_poses >= LEAST_GROWN * joined:
-                joined = self._n_poses
-                self.placed, self.laying.target = join(self.placed)
-        if join is not None and self._n_poses > joined:
+            self._join(join, LEAST_GROWN)
+        self._join(join, 1.0)
+
+    def _join(self, join: Join | None, least: float) -> None:
+        (poses, tags), (poses_then, tags_then) = self._size, self._joined
+        if join is not None and poses >= least * poses_then and tags > tags_then:
             self.placed, self.laying.target = join(self.placed)
+            self._joined = self._size
 
     @property
-    def _n_poses(self) -> int:
-        return sum(len(one.chain.poses) for one in self.placed)
+    def _size(self) -> tuple[int, int]:
+        """Poses, and tags that they see."""
+        poses = sum(len(one.chain.poses) for one in self.placed)
+        return poses, len(self.laying.target.tags)
 
 
 Body = TypeVar("Body", Chain, Part)
