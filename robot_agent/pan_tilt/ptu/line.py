@@ -1,6 +1,7 @@
 """A serial line to a unit: one command at a time, asked again where the line was disturbed."""
 
 import contextlib
+import os
 import time
 from typing import Any
 
@@ -125,4 +126,5 @@ class Line:
 
 
 def _why(error: Exception) -> str:
-    return str(getattr(error, "strerror", None) or error or type(error).__name__)
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if number else str(error) or type(error).__name__

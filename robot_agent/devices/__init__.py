@@ -1,0 +1,1 @@
+"""The devices of one robot: how they are configured, opened and checked."""

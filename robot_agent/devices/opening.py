@@ -1,0 +1,70 @@
+"""From the configuration to devices. A driver's package is imported when it is configured."""
+
+from pathlib import Path
+
+from robot_agent.cameras.camera import Size, StereoCamera
+from robot_agent.devices.config import RobotConfig
+from robot_agent.pan_tilt.unit import PanTilt
+from robot_agent.rfid.reader import RfidReader
+from tagmap.errors import ConfigError
+from tagmap.records.rig import RigCalibration
+from tagmap.records.rig_file import find_rig
+from tagmap.records.scanner import ScannerCalibration
+from tagmap.records.scanner_file import read_scanner
+
+
+def rig_of(config: RobotConfig) -> RigCalibration | None:
+    """Raises ConfigError."""
+    return None if config.rig is None else find_rig(config.rig)
+
+
+def scanner_of(config: RobotConfig) -> ScannerCalibration | None:
+    """Raises ConfigError."""
+    return None if config.scanner is None else read_scanner(Path(config.scanner))
+
+
+def open_cameras(config: RobotConfig) -> StereoCamera | None:
+    """With a rig, images of other sizes are refused. Raises ConfigError."""
+    cameras, rig = config.cameras, rig_of(config)
+    if cameras is None:
+        return None
+    expected = None if rig is None else _sizes(rig)
+    if cameras.folder is not None:
+        from robot_agent.cameras.folder import FolderCamera
+
+        return FolderCamera(cameras.folder, expected)
+    assert cameras.opencv is not None
+    from robot_agent.cameras.opencv import OpenCvCamera
+
+    return OpenCvCamera(cameras.opencv, expected)
+
+
+def open_pan_tilt(config: RobotConfig) -> PanTilt | None:
+    """Raises SerialUnavailable, which says what to install."""
+    if config.pan_tilt is None:
+        return None
+    from robot_agent.pan_tilt.ptu.driver import PtuUnit
+
+    return PtuUnit(config.pan_tilt.ptu)
+
+
+def open_reader(config: RobotConfig) -> RfidReader | None:
+    """Raises LlrpUnavailable, which says what to install."""
+    if config.rfid is None:
+        return None
+    from robot_agent.rfid.llrp.driver import LlrpReader
+
+    return LlrpReader(config.rfid.llrp)
+
+
+def required_reader(config: RobotConfig, path: Path) -> RfidReader:
+    """Raises ConfigError where none is configured."""
+    reader = open_reader(config)
+    if reader is None:
+        raise ConfigError(f"{path}: no reader is configured, expected [rfid.llrp]")
+    return reader
+
+
+def _sizes(rig: RigCalibration) -> tuple[Size, Size]:
+    left, right = rig.left, rig.right
+    return (left.width_px, left.height_px), (right.width_px, right.height_px)

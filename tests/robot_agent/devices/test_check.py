@@ -1,0 +1,119 @@
+"""`robot-agent check`: everything asked, nothing held up, one answer for people and machines."""
+
+import json
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from robot_agent.cli import main
+from tests.robot_agent.devices.conftest import MOUNT, lit
+
+pytest.importorskip("serial", reason="needs pyserial, extra pan-tilt")
+
+
+def run(config: Path, *options: str) -> Result:
+    return CliRunner().invoke(main, ["check", str(config), *options])
+
+
+def devices(result: Result) -> dict[str, dict[str, Any]]:
+    return {device["device"]: device for device in json.loads(result.stdout)["devices"]}
+
+
+def images(folder: Path, size: tuple[int, int]) -> None:
+    folder.mkdir()
+    for side in ("left", "right"):
+        cv2.imwrite(str(folder / f"{side}-1.png"), np.zeros((size[1], size[0]), np.uint8))
+
+
+def test_all_green(robot, tmp_path: Path):
+    stand = robot(lit(), with_unit=True)
+    images(tmp_path / "images", (1280, 1024))
+    (tmp_path / "site.key").write_bytes(bytes(16))
+    stand.add('rig = "wide-angle"\ncameras.folder.folder = "images"\nrobot.memory_key = "site.key"')
+    result = run(stand.config, "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["ok"]
+    found = devices(result)
+    assert list(found) == ["rig", "memory key", "cameras", "pan-tilt", "rfid"]
+    assert all(device["ok"] and device["ms"] > 0.0 for device in found.values())
+    assert found["cameras"]["detail"] == "1280x1024 px and 1280x1024 px"
+    assert "emulated" in found["pan-tilt"]["what"]
+    assert found["pan-tilt"]["detail"].startswith("pan -2.77 to 2.77 rad")
+    assert found["memory key"]["detail"] == "16 bytes"
+    table = run(stand.config)
+    assert table.exit_code == 0
+    assert table.stdout.count(" ok ") == 5
+
+
+def test_each_failure_is_told_and_the_rest_is_still_asked(robot, tmp_path: Path):
+    stand = robot(lit())
+    images(tmp_path / "images", (640, 480))
+    stand.add(
+        'rig = "wide-angle"\nscanner = "none.toml"\ncameras.folder.folder = "images"\n'
+        + MOUNT
+        + 'ptu.port = "/dev/none"\n'
+    )
+    result = run(stand.config, "--json")
+    assert result.exit_code == 1
+    assert result.stderr == "robot-agent: failed: scanner, cameras, pan-tilt\n"
+    found = devices(result)
+    assert [name for name, device in found.items() if device["ok"]] == ["rig", "rfid"]
+    assert "none.toml: No such file" in found["scanner"]["detail"]
+    assert "left image is 640x480 px, expected 1280x1024 px" in found["cameras"]["detail"]
+    assert "/dev/none: cannot open: No such file or directory" in found["pan-tilt"]["detail"]
+    assert found["pan-tilt"]["what"] is None
+
+
+def test_a_device_that_hangs_holds_up_nobody(robot):
+    stand = robot(lit(), with_unit=True)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        content = stand.config.read_text()
+        stand.config.write_text(
+            content[content.index("[pan_tilt]") :]
+            + f'[rfid.llrp]\nhost = "127.0.0.1"\nport = {port}\nconnect_s = 8.0\n'
+        )
+        started = time.monotonic()
+        result = run(stand.config, "--json", "--limit-s", "2")
+        assert time.monotonic() - started < 6.0
+    found = devices(result)
+    assert result.exit_code == 1
+    assert found["pan-tilt"]["ok"]
+    assert found["rfid"]["detail"] == "no answer within 2 s"
+
+
+def test_a_fault_in_one_driver_does_not_hide_the_others(robot, monkeypatch):
+    def broken(_config: object) -> None:
+        raise RuntimeError("on purpose")
+
+    monkeypatch.setattr("robot_agent.devices.check.open_pan_tilt", broken)
+    result = run(robot(lit(), with_unit=True).config, "--json")
+    found = devices(result)
+    assert found["pan-tilt"]["detail"] == "RuntimeError: on purpose"
+    assert found["rfid"]["ok"]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [("", "no device is configured"), ("rig", "not TOML"), ("x = 1", "unknown field `x`")],
+)
+def test_a_configuration_that_is_none(tmp_path: Path, content: str, said: str):
+    config = tmp_path / "robot.toml"
+    config.write_text(content)
+    result = run(config)
+    assert result.exit_code == 1
+    assert result.stderr.startswith(f"robot-agent: {config}: ")
+    assert said in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_no_configuration():
+    result = CliRunner().invoke(main, ["check", "nowhere.toml"])
+    assert result.exit_code == 1
+    assert result.stderr == "robot-agent: nowhere.toml: No such file or directory\n"
