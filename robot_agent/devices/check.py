@@ -14,12 +14,17 @@ from typing import TypeAlias
 from robot_agent.cameras.camera import CameraInfo, shown_size
 from robot_agent.devices.config import RobotConfig
 from robot_agent.devices.opening import (
+    laser_limits,
     open_cameras,
     open_pan_tilt,
     open_reader,
     rig_of,
     scanner_of,
 )
+from robot_agent.laser.clock import now_ns, second_ns
+from robot_agent.laser.device import Steps
+from robot_agent.laser.interlock import Interlock
+from robot_agent.laser.opening import open_laser
 from robot_agent.pan_tilt.unit import UnitInfo
 from robot_agent.rfid.reader import ReaderInfo
 from tagmap.errors import ConfigError, DataError, TagmapError
@@ -88,6 +93,7 @@ def _probes(config: RobotConfig) -> dict[str, Callable[[], Found]]:
         "memory key": (config.robot.memory_key, _memory_key),
         "cameras": (config.cameras, _cameras),
         "pan-tilt": (config.pan_tilt, _pan_tilt),
+        "laser": (config.laser, _laser),
         "rfid": (config.rfid, _reader),
     }
     return {
@@ -139,6 +145,28 @@ def _pan_tilt(config: RobotConfig) -> Found:
         for name, axis in (("pan", found.pan), ("tilt", found.tilt))
     )
     return found.firmware, f"{reach}, steps of {1e3 * found.pan.step_rad:.2f} mrad"
+
+
+def _laser(config: RobotConfig) -> Found:
+    laser, limits = config.laser, laser_limits(config)
+    assert laser is not None
+    assert limits is not None
+    clocks = (now_ns, second_ns)
+    with Interlock(open_laser(laser.device), limits, _nowhere, *clocks) as interlock:
+        what = interlock.probe()
+    sector = ", ".join(
+        f"{name} {least:.2f} to {most:.2f} rad"
+        for name, (least, most) in (
+            ("bearing", limits.bearing_rad),
+            ("elevation", limits.elevation_rad),
+        )
+    )
+    return what, f"allowed: {sector}"
+
+
+def _nowhere(_steps: Steps) -> tuple[float, float]:
+    """So that nothing that is only probed is ever steered."""
+    return math.nan, math.nan
 
 
 def _reader(config: RobotConfig) -> Found:

@@ -18,6 +18,9 @@ from tagmap.records.base import Finite, Name, RobotNumber
 from tagmap.records.transform import Transform
 
 SiteNumber: TypeAlias = Annotated[int, Meta(ge=1, le=65535)]
+Span: TypeAlias = tuple[
+    Annotated[float, Meta(ge=-3.15, le=3.15)], Annotated[float, Meta(ge=-3.15, le=3.15)]
+]
 Three: TypeAlias = tuple[Finite, Finite, Finite]
 Four: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 
@@ -63,6 +66,26 @@ class PanTiltTable(_Table, frozen=True):
     T_tilt_cam: Placement
 
 
+class LaserTable(_Table, frozen=True):
+    """`device` as robot_agent.laser.opening has it, the rest as robot_agent.laser.interlock.Limits:
+    the sector in base has no default."""
+
+    device: str
+    bearing_rad: Span
+    elevation_rad: Span
+    longest_s: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.3
+    dwell_s: Annotated[float, Meta(gt=0.0, le=10.0)] = 1.0
+    refill: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.5
+    heartbeat_s: Annotated[float, Meta(gt=0.0, le=2.0)] = 0.5
+    apart_s: Annotated[float, Meta(gt=0.0, le=0.1)] = 0.005
+
+    def __post_init__(self) -> None:
+        for name in ("bearing_rad", "elevation_rad"):
+            span = getattr(self, name)
+            if not span[0] < span[1]:
+                raise ValueError(f"{name} is {list(span)}, expected least and most")
+
+
 class RfidTable(_Table, frozen=True):
     llrp: LlrpConfig
 
@@ -76,6 +99,7 @@ class RobotConfig(_Table, frozen=True):
     robot: RobotTable = RobotTable()
     cameras: CamerasTable | None = None
     pan_tilt: PanTiltTable | None = None
+    laser: LaserTable | None = None
     rfid: RfidTable | None = None
 
     def __post_init__(self) -> None:

@@ -1,9 +1,11 @@
 """From the configuration to devices. A driver's package is imported when it is configured."""
 
+from dataclasses import fields
 from pathlib import Path
 
 from robot_agent.cameras.camera import Size, StereoCamera
 from robot_agent.devices.config import RobotConfig
+from robot_agent.laser.interlock import Limits
 from robot_agent.pan_tilt.unit import PanTilt
 from robot_agent.rfid.reader import RfidReader
 from tagmap.errors import ConfigError
@@ -46,6 +48,14 @@ def open_pan_tilt(config: RobotConfig) -> PanTilt | None:
     from robot_agent.pan_tilt.ptu.driver import PtuUnit
 
     return PtuUnit(config.pan_tilt.ptu)
+
+
+def laser_limits(config: RobotConfig) -> Limits | None:
+    """Of the interlock, which is all that ever holds the laser."""
+    laser = config.laser
+    if laser is None:
+        return None
+    return Limits(**{field.name: getattr(laser, field.name) for field in fields(Limits)})
 
 
 def open_reader(config: RobotConfig) -> RfidReader | None:

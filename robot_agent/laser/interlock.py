@@ -79,6 +79,13 @@ class Interlock:
     def mark(self) -> Mark:
         return self._clocks[0](), self._clocks[1]()
 
+    def probe(self) -> str:
+        """One line about the device, whose laser is dark then. Raises DeviceError."""
+        with self._lock:
+            self._aimed = False
+            self._darken("probed")
+            return self.__device.probe()
+
     def beat(self) -> None:
         """The agent's loop lives."""
         with self._lock:

@@ -35,20 +35,30 @@ def test_all_green(robot, tmp_path: Path):
     stand = robot(lit(), with_unit=True)
     images(tmp_path / "images", (1280, 1024))
     (tmp_path / "site.key").write_bytes(bytes(16))
-    stand.add('rig = "wide-angle"\ncameras.folder.folder = "images"\nrobot.memory_key = "site.key"')
+    stand.add(
+        'rig = "wide-angle"\ncameras.folder.folder = "images"\n'
+        'robot.memory_key = "site.key"\n'
+        f'laser = {{device = "file:{tmp_path}/laser", bearing_rad = [-1, 1], '
+        "elevation_rad = [0, 1]}"
+    )
     result = run(stand.config, "--json")
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["ok"]
     found = devices(result)
-    assert list(found) == ["rig", "memory key", "cameras", "pan-tilt", "rfid"]
+    assert list(found) == ["rig", "memory key", "cameras", "pan-tilt", "laser", "rfid"]
     assert all(device["ok"] and device["ms"] > 0.0 for device in found.values())
     assert found["cameras"]["detail"] == "1280x1024 px and 1280x1024 px"
     assert "emulated" in found["pan-tilt"]["what"]
     assert found["pan-tilt"]["detail"].startswith("pan -2.77 to 2.77 rad")
+    assert (
+        found["laser"]["detail"] == "allowed: bearing -1.00 to 1.00 rad, elevation 0.00 to 1.00 rad"
+    )
+    done = [json.loads(line)["do"] for line in (tmp_path / "laser").read_text().splitlines()]
+    assert set(done) == {"dark"}
     assert found["memory key"]["detail"] == "16 bytes"
     table = run(stand.config)
     assert table.exit_code == 0
-    assert table.stdout.count(" ok ") == 5
+    assert table.stdout.count(" ok ") == 6
 
 
 def test_each_failure_is_told_and_the_rest_is_still_asked(robot, tmp_path: Path):
@@ -58,16 +68,18 @@ def test_each_failure_is_told_and_the_rest_is_still_asked(robot, tmp_path: Path)
         'rig = "wide-angle"\nscanner = "none.toml"\ncameras.folder.folder = "images"\n'
         + MOUNT
         + 'ptu.port = "/dev/none"\n'
+        + '[laser]\ndevice = "udp:127.0.0.1:9"\nbearing_rad = [0, 1]\nelevation_rad = [0, 1]\n'
     )
     result = run(stand.config, "--json")
     assert result.exit_code == 1
-    assert result.stderr == "robot-agent: failed: scanner, cameras, pan-tilt\n"
+    assert result.stderr == "robot-agent: failed: scanner, cameras, pan-tilt, laser\n"
     found = devices(result)
     assert [name for name, device in found.items() if device["ok"]] == ["rig", "rfid"]
     assert "none.toml: No such file" in found["scanner"]["detail"]
     assert "left image is 640x480 px, expected 1280x1024 px" in found["cameras"]["detail"]
     assert "/dev/none: cannot open: No such file or directory" in found["pan-tilt"]["detail"]
     assert found["pan-tilt"]["what"] is None
+    assert found["laser"]["detail"].startswith("laser 127.0.0.1:9")
 
 
 def test_a_device_that_hangs_holds_up_nobody(robot):

@@ -8,7 +8,9 @@ import pytest
 
 from robot_agent.cli.check import check
 from robot_agent.cli.tag import tag
-from robot_agent.devices.config import RobotConfig, RobotTable, read_config
+from robot_agent.devices.config import LaserTable, RobotConfig, RobotTable, read_config
+from robot_agent.devices.opening import laser_limits
+from robot_agent.laser.interlock import Limits
 from tagmap.errors import ConfigError
 
 PAGE = (Path(__file__).parents[3] / "docs" / "devices.md").read_text()
@@ -37,12 +39,17 @@ def test_the_example_of_the_page(tmp_path: Path):
 
 
 def test_every_key_and_option_is_on_the_page():
-    for name in (*RobotConfig.__struct_fields__, *RobotTable.__struct_fields__):
-        assert re.search(rf"`(\[)?{name}", PAGE), name
+    for table in (RobotConfig, RobotTable, LaserTable):
+        assert all(re.search(rf"`\[?{name}", PAGE) for name in table.__struct_fields__), table
     commands: list[click.Command] = [check, *tag.commands.values()]
     for command in commands:
         for option in (o for p in command.params for o in p.opts if o.startswith("--")):
             assert f"`{option}" in PAGE or f" [{option}" in PAGE, option
+
+
+def test_limits_of_the_laser_are_those_of_its_interlock(tmp_path: Path):
+    config = read(tmp_path, EXAMPLE)
+    assert laser_limits(config) == Limits((-1.2, 1.2), (0.2, 1.5))
 
 
 def test_nothing_is_needed(tmp_path: Path):
@@ -95,6 +102,14 @@ def test_files_are_relative_to_the_configuration(tmp_path: Path):
         (
             f"T_base_cam = {{p_m=[0,0,0]}}\n[pan_tilt]\n{TURNED}ptu = {{port='a'}}",
             "T_base_cam and pan_tilt exclude each other",
+        ),
+        (
+            "[laser]\ndevice = 'file:a'\nbearing_rad = [0, 1]",
+            "field `elevation_rad` - at `$.laser`",
+        ),
+        (
+            "[laser]\ndevice = 'file:a'\nbearing_rad = [1, 0]\nelevation_rad = [0, 1]",
+            "bearing_rad is [1.0, 0.0], expected least and most",
         ),
         ("[robot]\nname = 'R 1'", "at `$.robot.name`"),
         ("= 1", "not TOML"),
