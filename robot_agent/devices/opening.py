@@ -3,12 +3,19 @@
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
+
 from robot_agent.cameras.camera import Size, StereoCamera
-from robot_agent.devices.config import RobotConfig
+from robot_agent.devices.config import Placement, RobotConfig
 from robot_agent.laser.interlock import Limits
+from robot_agent.pan_tilt.mounting import Fixed, Mounting, Turning
+from robot_agent.pan_tilt.poller import Poller
 from robot_agent.pan_tilt.unit import PanTilt
 from robot_agent.rfid.reader import RfidReader
+from tagmap.conventions import Array
 from tagmap.errors import ConfigError
+from tagmap.geometry import se3
+from tagmap.geometry.pan_tilt import PanTiltMount
 from tagmap.records.rig import RigCalibration
 from tagmap.records.rig_file import find_rig
 from tagmap.records.scanner import ScannerCalibration
@@ -58,6 +65,23 @@ def laser_limits(config: RobotConfig) -> Limits | None:
     return Limits(**{field.name: getattr(laser, field.name) for field in fields(Limits)})
 
 
+def mount_of(config: RobotConfig) -> PanTiltMount | None:
+    """Of cameras that are turned; see mounting_of."""
+    table = config.pan_tilt
+    if table is None:
+        return None
+    return PanTiltMount(*map(_matrix, (table.T_base_pan, table.T_pan_tilt, table.T_tilt_cam)))
+
+
+def mounting_of(config: RobotConfig, poller: Poller | None) -> Mounting | None:
+    """Where the camera is on the robot at any time; with a pan-tilt unit by its `poller`. None
+    where nothing was configured."""
+    mount = mount_of(config)
+    if mount is not None and poller is not None:
+        return Turning(mount, poller)
+    return None if config.T_base_cam is None else Fixed(_matrix(config.T_base_cam))
+
+
 def open_reader(config: RobotConfig) -> RfidReader | None:
     """Raises LlrpUnavailable, which says what to install."""
     if config.rfid is None:
@@ -73,6 +97,10 @@ def required_reader(config: RobotConfig, path: Path) -> RfidReader:
     if reader is None:
         raise ConfigError(f"{path}: no reader is configured, expected [rfid.llrp]")
     return reader
+
+
+def _matrix(placement: Placement) -> Array:
+    return se3.from_p_q(np.array(placement.p_m), np.array(placement.q_wxyz))
 
 
 def _sizes(rig: RigCalibration) -> tuple[Size, Size]:

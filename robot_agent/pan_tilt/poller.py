@@ -4,7 +4,7 @@ import threading
 from types import TracebackType
 
 from robot_agent.pan_tilt.track import Pointing, PointingTrack
-from robot_agent.pan_tilt.unit import Failure, PanTilt
+from robot_agent.pan_tilt.unit import Failure, PanTilt, Reading
 
 PERIOD_S = 0.03
 PAUSE_S = 0.25
@@ -19,19 +19,21 @@ class Poller:
         self._period_s = period_s
         self._track = PointingTrack()
         self._failure: Failure | None = None
-        self._lock = threading.Lock()
+        self._news = threading.Condition()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._poll, name="pan-tilt", daemon=True)
 
-    def at(self, t_ns: int) -> Pointing | None:
-        """See PointingTrack.at; a reading after `t_ns` may still be on its way."""
-        with self._lock:
+    def at(self, t_ns: int, wait_s: float = 0.0) -> Pointing | None:
+        """See PointingTrack.at. The reading after `t_ns` may still be on its way: it is waited for
+        no longer than `wait_s`, and not at all while the unit fails."""
+        with self._news:
+            self._news.wait_for(lambda: self._failure or self._track.reaches(t_ns), wait_s)
             return self._track.at(t_ns)
 
     @property
     def failure(self) -> Failure | None:
         """Why there are no new readings; None while there are."""
-        with self._lock:
+        with self._news:
             return self._failure
 
     def __enter__(self) -> "Poller":
@@ -51,10 +53,9 @@ class Poller:
         pause_s = 0.0
         while not self._stopping.wait(pause_s):
             reading = self._unit.read()
-            with self._lock:
-                if isinstance(reading, Failure):
-                    self._failure = reading
-                else:
-                    self._failure = None
+            with self._news:
+                self._failure = reading if isinstance(reading, Failure) else None
+                if isinstance(reading, Reading):
                     self._track.add(reading)
+                self._news.notify_all()
             pause_s = PAUSE_S if isinstance(reading, Failure) else self._period_s

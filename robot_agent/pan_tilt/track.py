@@ -36,6 +36,10 @@ class PointingTrack:
                 kept.clear()
             kept.append(sample)
 
+    def reaches(self, t_ns: int) -> bool:
+        """Whether both axes were read after `t_ns`."""
+        return all(samples and samples[-1].t_ns > t_ns for samples in (self._pan, self._tilt))
+
     def at(self, t_ns: int) -> Pointing | None:
         """Interpolated, never extrapolated: None unless both axes were read before and after
         `t_ns`, no more than LONGEST_GAP_S apart."""

@@ -130,6 +130,8 @@ class PtuUnit(PanTilt):
                 self._backoff.failed(time.monotonic())
                 return self._failure("unit_gone", error)
             except Refused as error:
+                if self._line is None:
+                    self._backoff.failed(time.monotonic())
                 return self._failure("refused", error)
             self._backoff.succeeded()
             return result

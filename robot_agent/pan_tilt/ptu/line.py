@@ -88,7 +88,9 @@ class Line:
         raise LineLost(f"{command} is answered otherwise each time, last {before:g}")
 
     def quieten(self) -> None:
-        """Throw away what still arrives: the late answer to one question is none to the next."""
+        """End what the unit may have heard half of, and throw away what still arrives: the late
+        answer to one question is none to the next."""
+        self._write(" ")
         deadline = time.monotonic() + NOISY_S
         quiet_since = time.monotonic()
         while time.monotonic() - quiet_since < QUIET_S:
@@ -103,10 +105,7 @@ class Line:
 
     def _exchange(self, command: str) -> bytes:
         self.asked_ns = time.time_ns()
-        try:
-            self._port.write(f"{command} ".encode("ascii"))
-        except self._troubles as error:
-            raise LineLost(f"cannot send: {_why(error)}") from None
+        self._write(f"{command} ")
         received = b""
         deadline = time.monotonic() + self._answer_s
         while not replies.is_complete(received):
@@ -116,6 +115,12 @@ class Line:
                     raise Garbled(f"no answer to {command} within {self._answer_s:g} s")
                 break
         return received
+
+    def _write(self, text: str) -> None:
+        try:
+            self._port.write(text.encode("ascii"))
+        except self._troubles as error:
+            raise LineLost(f"cannot send: {_why(error)}") from None
 
     def _read(self) -> bytes:
         try:

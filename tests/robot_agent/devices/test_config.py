@@ -4,14 +4,16 @@ import re
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 
 from robot_agent.cli.check import check
 from robot_agent.cli.tag import tag
 from robot_agent.devices.config import LaserTable, RobotConfig, RobotTable, read_config
-from robot_agent.devices.opening import laser_limits
+from robot_agent.devices.opening import laser_limits, mount_of, mounting_of
 from robot_agent.laser.interlock import Limits
 from tagmap.errors import ConfigError
+from tagmap.geometry.pan_tilt import camera_pose
 
 PAGE = (Path(__file__).parents[3] / "docs" / "devices.md").read_text()
 [EXAMPLE] = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
@@ -50,6 +52,20 @@ def test_every_key_and_option_is_on_the_page():
 def test_limits_of_the_laser_are_those_of_its_interlock(tmp_path: Path):
     config = read(tmp_path, EXAMPLE)
     assert laser_limits(config) == Limits((-1.2, 1.2), (0.2, 1.5))
+
+
+def test_where_the_camera_is(tmp_path: Path):
+    fixed = mounting_of(read(tmp_path, "T_base_cam = {p_m = [0.1, 0, 0.5]}"), None)
+    assert fixed is not None
+    pose = fixed.at(0)
+    assert pose is not None
+    assert pose.T_base_cam[:3, 3].tolist() == [0.1, 0.0, 0.5]
+    assert mounting_of(read(tmp_path, ""), None) is None
+    mount = mount_of(read(tmp_path, EXAMPLE))
+    assert mount is not None
+    forward = camera_pose(mount, np.zeros(2))
+    np.testing.assert_allclose(forward[:3, 2], [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(forward[:3, 3], [0.1, 0.0, 0.63], atol=1e-12)
 
 
 def test_nothing_is_needed(tmp_path: Path):

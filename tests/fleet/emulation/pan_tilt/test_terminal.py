@@ -8,14 +8,18 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fleet.emulation.pan_tilt.line import SerialFaults
 from fleet.emulation.pan_tilt.terminal import UnitTerminal
 from fleet.emulation.pan_tilt.unit import Unit
+from robot_agent.pan_tilt.mounting import Turning
 from robot_agent.pan_tilt.poller import Poller
 from robot_agent.pan_tilt.ptu.driver import PtuConfig, PtuUnit
 from robot_agent.pan_tilt.unit import Angles, Failure, PanTilt, Reading, UnitInfo
+from tagmap.geometry import pan_tilt
+from tests.geometry.test_pan_tilt import MOUNT
 
 pytest.importorskip("serial", reason="needs pyserial, extra pan-tilt")
 
@@ -123,6 +127,45 @@ def test_a_number_that_cannot_be_is_not_believed(stand, monkeypatch):
     )
     assert isinstance(driver.read(), Failure)
     assert not wrong
+
+
+def test_half_a_command_of_another_program_is_ended_first(stand):
+    unit, driver = stand()
+    unit.receive(b"PP12", time.time_ns())
+    assert isinstance(driver.probe(), UnitInfo)
+    assert unit.axes["P"].target == 12
+
+
+def test_a_speed_that_is_refused_is_not_asked_for_again_and_again(stand):
+    _, driver = stand(speed_rad_s=9.0)
+    first, second = driver.read(), driver.read()
+    assert isinstance(first, Failure)
+    assert first.reason == "refused"
+    assert isinstance(second, Failure)
+    assert "the next try is in" in second.detail
+
+
+def test_a_fresh_exposure_waits_for_the_reading_behind_it(stand):
+    _, driver = stand(speed_rad_s=1.0)
+    with Poller(driver, period_s=0.01) as poller:
+        mounting = Turning(MOUNT, poller)
+        mounting.at(time.time_ns(), wait_s=5.0)
+        target = driver.move(Angles(0.5, 0.3))
+        time.sleep(0.1)
+        moving = mounting.at(time.time_ns(), wait_s=5.0)
+        assert moving is not None
+        assert moving.angles is not None
+        assert 0.0 < moving.angles.pan_rad < 0.5
+        time.sleep(0.8)
+        at_rest = mounting.at(time.time_ns(), wait_s=5.0)
+    assert at_rest is not None
+    assert at_rest.angles == target
+    expected = pan_tilt.camera_pose(MOUNT, np.array([target.pan_rad, target.tilt_rad]))
+    np.testing.assert_allclose(at_rest.T_base_cam, expected, atol=1e-12)
+    assert at_rest.cov is not None
+    assert moving.cov is not None
+    assert np.trace(at_rest.cov) < np.trace(moving.cov)
+    assert mounting.at(time.time_ns() + 10**9) is None
 
 
 def test_a_unit_that_lost_its_power_is_set_up_anew(stand, eventually):

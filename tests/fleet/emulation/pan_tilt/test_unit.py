@@ -1,6 +1,8 @@
 """The unit's side of the protocol, by the examples of the manual."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fleet.emulation.pan_tilt.unit import Unit
 
@@ -62,6 +64,15 @@ def test_a_restart_brings_the_defaults_back():
     unit.tick(5 * S)
     unit.restart()
     assert said(unit, "PP ", 5 * S) == "PP * Current Pan position is 0\r\n"
+
+
+@given(st.lists(st.binary(max_size=30), max_size=20))
+def test_no_bytes_stop_it(pieces: list[bytes]):
+    unit = Unit()
+    for k, piece in enumerate(pieces):
+        unit.receive(piece, k * S)
+    unit.restart()
+    assert said(unit, " PP ").endswith("PP * Current Pan position is 0\r\n")
 
 
 def test_endless_bytes_without_an_end_are_forgotten():
