@@ -119,8 +119,8 @@ def list_pairs(folder: Path) -> list[tuple[int, str, Files]]:
     named: dict[str, Files] = {}
     try:
         files = sorted(folder.iterdir())
-    except OSError as error:
-        raise DataError(f"{folder}: {error.strerror}") from None
+    except (OSError, ValueError) as error:
+        raise DataError(f"{folder}: {getattr(error, 'strerror', error)}") from None
     for path in files:
         side = next((side for side in SIDES if path.stem.startswith(side)), None)
         if side is not None and path.suffix.lower() in SUFFIXES:
@@ -154,7 +154,7 @@ def _read_times(path: Path) -> dict[str, int]:
         times = {name: int(t_ns) for name, t_ns in rows[1:]}
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise DataError(f"{path}: not a name and whole nanoseconds: {error}") from None
     wrong = next((name for name, t_ns in times.items() if not 0 <= t_ns < LATEST_NS), None)
     if wrong is not None:

@@ -71,7 +71,7 @@ def interpolate(samples: Sequence[AxisSample], t_ns: int) -> tuple[float, float]
     step = max(a.step_rad, b.step_rad) / 12.0**0.5
     timing = abs(speed) * max(a.within_ns, b.within_ns) * NS / 3.0**0.5
     uneven = gap_s * _change(before, speed, after) / 4.0 / 3.0**0.5
-    angle_rad = (1.0 - s) * a.angle_rad + s * b.angle_rad
+    angle_rad = a.angle_rad + s * (b.angle_rad - a.angle_rad)
     return angle_rad, (step**2 + timing**2 + uneven**2) ** 0.5
 
 

@@ -1,6 +1,7 @@
 """A serial line to a unit: one command at a time, asked again where the line was disturbed."""
 
 import contextlib
+import errno
 import os
 import time
 from typing import Any
@@ -16,6 +17,7 @@ QUIET_S = 0.05
 NOISY_S = 1.0
 """A line that is not quiet by then is none to talk on."""
 LOOK_S = 0.02
+TAKEN = (errno.EAGAIN, errno.EBUSY)
 
 
 class SerialUnavailable(TagmapError):
@@ -132,4 +134,6 @@ class Line:
 
 def _why(error: Exception) -> str:
     number = getattr(error, "errno", None)
+    if number in TAKEN:
+        return "another program has it open"
     return os.strerror(number) if number else str(error) or type(error).__name__

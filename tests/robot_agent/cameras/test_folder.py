@@ -104,6 +104,7 @@ def test_a_bad_pair_is_told_and_passed_over(tmp_path: Path):
         ({"left-1.png": "", "times.csv": "name,time\n"}, "expected the header pair,t_ns"),
         ({"left-1.png": "", "times.csv": "pair,t_ns\n1,soon\n"}, "whole nanoseconds"),
         ({"left-1.png": "", "times.csv": "pair,t_ns\n1\n"}, "whole nanoseconds"),
+        ({"left-1.png": "", "times.csv": "pair,t_ns\n" + 200_000 * "x"}, "field larger than"),
         ({"left-1.png": "", "times.csv": "pair,t_ns\n1,-5\n"}, "-5 is no time in ns"),
     ],
 )
@@ -113,6 +114,10 @@ def test_a_folder_that_is_no_recording(tmp_path: Path, files: dict[str, str], sa
     reason, detail = failed(camera(tmp_path))
     assert reason == "camera_gone"
     assert said in detail
+
+
+def test_a_name_that_no_folder_can_have():
+    assert failed(camera(Path("a\0b"))) == ("camera_gone", "a\0b: embedded null byte")
 
 
 def test_no_folder_and_then_one(tmp_path: Path):

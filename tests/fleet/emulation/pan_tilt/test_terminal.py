@@ -1,8 +1,11 @@
 """The agent's driver and the emulated unit over a real pseudo terminal."""
 
+import contextlib
+import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -145,8 +148,8 @@ def test_a_speed_that_is_refused_is_not_asked_for_again_and_again(stand):
     assert "the next try is in" in second.detail
 
 
-def test_a_fresh_exposure_waits_for_the_reading_behind_it(stand):
-    _, driver = stand(speed_rad_s=1.0)
+def test_a_fresh_exposure_waits_for_the_reading_behind_it(stand, eventually):
+    _, driver = stand(speed_rad_s=0.2)
     with Poller(driver, period_s=0.01) as poller:
         mounting = Turning(MOUNT, poller)
         mounting.at(time.time_ns(), wait_s=5.0)
@@ -156,7 +159,9 @@ def test_a_fresh_exposure_waits_for_the_reading_behind_it(stand):
         assert moving is not None
         assert moving.angles is not None
         assert 0.0 < moving.angles.pan_rad < 0.5
-        time.sleep(0.8)
+        driver.set_speed(2.0)
+        eventually(arrived(driver, target))
+        time.sleep(0.1)
         at_rest = mounting.at(time.time_ns(), wait_s=5.0)
     assert at_rest is not None
     assert at_rest.angles == target
@@ -194,6 +199,50 @@ def test_no_port_and_a_port_without_a_unit(tmp_path: Path):
             failure = driver.probe()
             assert isinstance(failure, Failure)
             assert "no answer to EE within 0.05 s" in failure.detail
+
+
+@pytest.mark.parametrize("port", ["/dev/null", "/", "a\0b", ""])
+def test_what_is_no_serial_port(port: str):
+    with closing(PtuUnit(PtuConfig(port=port))) as driver:
+        failure = driver.probe()
+    assert isinstance(failure, Failure)
+    assert failure.detail.startswith(f"pan-tilt unit {port}: cannot open: ")
+
+
+def test_a_port_that_another_program_has(stand):
+    _, driver = stand()
+    assert isinstance(driver.read(), Reading)
+    with closing(PtuUnit(PtuConfig(port=driver.probe().address))) as second:
+        failure = second.probe()
+    assert isinstance(failure, Failure)
+    assert failure.detail.endswith("cannot open: another program has it open")
+    assert isinstance(driver.read(), Reading)
+
+
+def test_a_line_full_of_noise_is_given_up_soon():
+    far_end, near_end = os.openpty()
+    stopping = threading.Event()
+
+    def spew() -> None:
+        rng = np.random.default_rng(0)
+        os.set_blocking(far_end, False)
+        while not stopping.wait(0.005):
+            with contextlib.suppress(BlockingIOError):
+                os.write(far_end, rng.bytes(20))
+
+    thread = threading.Thread(target=spew)
+    thread.start()
+    started = time.monotonic()
+    with closing(PtuUnit(PtuConfig(port=os.ttyname(near_end), answer_s=0.05))) as driver:
+        failure = driver.probe()
+    took_s = time.monotonic() - started
+    stopping.set()
+    thread.join()
+    for end in (far_end, near_end):
+        os.close(end)
+    assert isinstance(failure, Failure)
+    assert "noise for 1 s, with nothing asked" in failure.detail
+    assert took_s < 5.0
 
 
 def start(link: Path) -> subprocess.Popen[str]:
