@@ -37,6 +37,7 @@ class Options:
     first_mu: where they begin otherwise, None: as blunt as the start is bad.
     renewals: of the preconditioner, at the first steps. confirm: a further step must show that
     there is nothing left to gain; otherwise it is enough that the last one did what it promised.
+    threads: that sweep along the poses, each along whole chains.
     max_regroupings: how often a sighting may still change between inlier and outlier once the
     weights are sharp; then the last choice stands.
     """
@@ -50,6 +51,7 @@ class Options:
     first_mu: float | None = None
     renewals: int = 1
     confirm: bool = True
+    threads: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,7 @@ class Optimiser:
     ) -> None:
         """precondition: asked before every step for one that is kept from a similar problem."""
         self._problem, self._options = problem, options
-        self._system = System(problem)
+        self._system = System(problem, options.threads)
         self._reduced = Reduced(self._system)
         self._precondition = precondition
         self._damping = DAMPING_FIRST

@@ -20,6 +20,7 @@ from tagmap.conventions import Array, Index
 from tagmap.estimation.condensed import Condensed
 from tagmap.estimation.kernels import segments
 from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.shares import Share
 from tagmap.estimation.system import Point, System
 
 SEGMENT_SIGHTINGS = 36
@@ -50,6 +51,11 @@ class Segments:
         start, tags = np.zeros(n + 1, dtype=np.int64), np.empty(len(tag), dtype=np.int64)
         seen = segments.incidence(first, tag, bounds[: n + 1], system.problem.n_tags, start, tags)
         return cls(bounds[: n + 1].copy(), start, tags[:seen].copy())
+
+    def within(self, share: Share) -> "Segments":
+        """Segments end with their chains, so a share has whole ones."""
+        a, b = np.searchsorted(self.bounds, [share.poses.start, share.poses.stop])
+        return Segments(self.bounds[a : b + 1], self.start[a : b + 1], self.tags)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,9 +157,15 @@ class Preconditioner:
         return condensed.rows[off], condensed.columns[off], condensed.blocks[off]
 
     def _eliminate(
-        self, linear: Linear, between: Array, corner: Array, damping: float, into: segments.Into
+        self,
+        linear: Linear,
+        between: Array,
+        corner: Array,
+        damping: float,
+        into: segments.Into,
+        share: Share,
     ) -> bool:
-        parts = self._segments
+        parts = self._segments.within(share)
         return segments.eliminate(
             linear, parts.bounds, damping, parts.start, parts.tags, into, between, corner
         )
@@ -165,9 +177,20 @@ class Preconditioner:
         lower = np.zeros((3 * len(tags), band.width + 1))
         segments.add_pairs(each, each, tags, band.position, lower)
         segments.add_pairs(*self._pairs(), band.position, lower)
-        into = segments.Into(band.position, lower, each[:0], np.zeros((0, 3, 3)))
-        if not self._eliminate(linear, between, corner, damping, into):
+
+        def eliminate(share: Share) -> tuple[bool, Array, Array, Array]:
+            sums = lower, between, corner
+            if share.number:
+                sums = np.zeros_like(lower), np.zeros_like(between), np.zeros_like(corner)
+            into = segments.Into(band.position, sums[0], each[:0], np.zeros((0, 3, 3)))
+            return self._eliminate(linear, *sums[1:], damping, into, share), *sums
+
+        found = self._system.shares.each(eliminate)
+        if not all(determined for determined, *_ in found):
             return None
+        for _, *sums in found[1:]:
+            for whole, part in zip((lower, between, corner), sums, strict=True):
+                whole += part
         factor, failed = lapack.dpbtrf(lower.T, lower=1, overwrite_ab=1)
         if failed:
             return None
@@ -191,7 +214,7 @@ class Preconditioner:
         rows, columns, said = self._pairs()
         blocks[pattern.places_of(rows, columns)] += said
         into = segments.Into(pattern.place[:0], np.zeros((0, 0)), pattern.place, blocks)
-        if not self._eliminate(linear, between, corner, damping, into):
+        if not self._eliminate(linear, between, corner, damping, into, self._system.shares.whole):
             return None
         lower = sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), (n, n)).tocsc()
         whole = (sparse.tril(lower).tocsc() + sparse.tril(lower, -1).T).tocsc()

@@ -19,6 +19,7 @@ from tagmap.conventions import Array
 from tagmap.estimation.kernels import chain
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.preconditioner import Precondition, Preconditioner
+from tagmap.estimation.shares import Share
 from tagmap.estimation.system import Point, System
 
 MOST_PRODUCTS = 200
@@ -48,7 +49,7 @@ class Reduced:
         self._system, self._preconditioner = system, Preconditioner(system)
         n = system.problem.n_poses
         self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
-        self._u, self._work = np.zeros((n, 6)), np.zeros((6, 6))
+        self._u = np.zeros((n, 6))
         self._linear: Linear
         self._own = self._calibration = self._poses = self._rhs = np.zeros(0)
         self.precondition: Precondition | None = None
@@ -62,7 +63,7 @@ class Reduced:
         Adjustment - A Modern Synthesis", 2000, 9.4).
         """
         linear = point.linear
-        if not chain.factor(linear, damping, self._L, self._D, self._work):
+        if not self._factor(linear, damping):
             return False
         self._linear, self._gauge = linear, gauge
         self._own = point.own + _damped(linear.tag_diagonal, damping)
@@ -75,12 +76,8 @@ class Reduced:
                 return False
             self.precondition = precondition
         self._poses = -linear.pose_gradient
-        chain.solve(self._L, self._D, self._poses)
-        m = 3 * len(self._own)
         rhs = np.concatenate([-linear.tag_gradient.ravel(), -linear.calibration_gradient])
-        still = np.zeros((len(self._own), 3))
-        chain.scatter(linear, still, 0.0, self._poses, rhs[:m].reshape(-1, 3), rhs[m:])
-        self._rhs = self._free(rhs)
+        self._rhs = self._free(rhs + self._pull())
         return True
 
     def bound(self) -> float:
@@ -95,10 +92,10 @@ class Reduced:
 
     def step(self, enough: float) -> Step:
         """The step that the prepared model asks for; `enough` predicted decrease may be left."""
-        linear, m = self._linear, 3 * len(self._own)
+        linear = self._linear
         x, products = self._conjugate_gradients(enough)
-        tags, unknowns = x[:m].reshape(-1, 3), x[m:]
-        chain.poses_of(linear, self._L, self._D, tags, unknowns, self._u)
+        tags, unknowns = _split(x, 3 * len(self._own))
+        self._through_poses(x)
         poses = self._poses - self._u
         predicted = -float(np.vdot(poses, linear.pose_gradient))
         predicted -= float(np.vdot(tags, linear.tag_gradient))
@@ -133,6 +130,38 @@ class Reduced:
             rz = following
         return x, len(gains)
 
+    def _factor(self, linear: Linear, damping: float) -> bool:
+        def factor(share: Share) -> bool:
+            L, D = self._L[share.poses], self._D[share.poses]
+            return chain.factor(share.of(linear), damping, L, D, np.zeros((6, 6)))
+
+        return all(self._system.shares.each(factor))
+
+    def _pull(self) -> Array:
+        """What the poses say to the rest, (3 M + Q,); they themselves become -A^-1 a."""
+        still = np.zeros((len(self._own), 3))
+
+        def pull(share: Share) -> Array:
+            poses, out = self._poses[share.poses], np.zeros(still.size + len(self._calibration))
+            chain.solve(self._L[share.poses], self._D[share.poses], poses)
+            chain.scatter(share.of(self._linear), still, 0.0, poses, *_split(out, still.size))
+            return out
+
+        return _total(self._system.shares.each(pull))
+
+    def _through_poses(self, x: Array) -> Array:
+        """(C' - B' A^-1 B) x, of which C' is that of the sightings; `_u` becomes A^-1 B x."""
+        tags, unknowns = _split(x, 3 * len(self._own))
+
+        def through(share: Share) -> Array:
+            linear, u, out = share.of(self._linear), self._u[share.poses], np.zeros_like(x)
+            L, D = self._L[share.poses], self._D[share.poses]
+            chain.poses_of(linear, L, D, tags, unknowns, u)
+            chain.scatter(linear, tags, 1.0, u, *_split(out, tags.size))
+            return out
+
+        return _total(self._system.shares.each(through))
+
     def _preconditioned(self, r: Array) -> Array:
         assert self.precondition is not None
         return self._free(self.precondition(r))
@@ -143,19 +172,31 @@ class Reduced:
 
     def _times(self, x: Array) -> Array:
         """S x."""
-        linear, m = self._linear, 3 * len(self._own)
-        tags, unknowns = x[:m].reshape(-1, 3), x[m:]
-        out = np.concatenate([(self._own @ tags[:, :, None]).ravel(), self._calibration @ unknowns])
+        m = 3 * len(self._own)
+        tags, unknowns = _split(x, m)
+        out = self._through_poses(x)
+        out[:m] += (self._own @ tags[:, :, None]).ravel()
+        out[m:] += self._calibration @ unknowns
         condensed = self._system.problem.condensed
         if condensed is not None:
             out[:m] += condensed.times(tags).ravel()
         if len(unknowns):
-            between = linear.tag_calibration.reshape(m, len(unknowns))
+            between = self._linear.tag_calibration.reshape(m, len(unknowns))
             out[:m] += between @ unknowns
             out[m:] += between.T @ x[:m]
-        chain.poses_of(linear, self._L, self._D, tags, unknowns, self._u)
-        chain.scatter(linear, tags, 1.0, self._u, out[:m].reshape(-1, 3), out[m:])
         return out
+
+
+def _split(x: Array, m: int) -> tuple[Array, Array]:
+    """Of tags (M, 3) and of calibration unknowns: views."""
+    return x[:m].reshape(-1, 3), x[m:]
+
+
+def _total(parts: list[Array]) -> Array:
+    total = parts[0]
+    for part in parts[1:]:
+        total += part
+    return total
 
 
 def _damped(blocks: Array, damping: float) -> Array:

@@ -7,6 +7,7 @@ How a step is found is said in tagmap.estimation.reduced.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +15,20 @@ from tagmap.conventions import Array
 from tagmap.estimation import robust
 from tagmap.estimation.kernels import calibration as unknowns
 from tagmap.estimation.kernels import motion, sightings, steps
-from tagmap.estimation.kernels.layout import Linear
+from tagmap.estimation.kernels.layout import Linear, Steps
 from tagmap.estimation.levelling import is_held, level
 from tagmap.estimation.packing import empty, pack, poses_in_space, state_of, tags_in_space
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.residuals import Residuals, Weights
+from tagmap.estimation.shares import Share, Shares
+
+_SUMS = (
+    "tag_diagonal",
+    "tag_gradient",
+    "tag_calibration",
+    "calibration",
+    "calibration_gradient",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +79,19 @@ class Point:
 
 
 class System:
-    """The packed problem, and room for its linear model."""
+    """The packed problem, and room for its linear model. threads: as many sweep along the poses."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, threads: int = 1) -> None:
         self.problem = problem
         self.packed = pack(problem)
         self.n_columns = len(problem.calibration)
+        self.shares = Shares(self.packed.first, self.packed.steps, threads)
         self._room = empty(self.packed, problem.n_tags, self.n_columns)
+        self._room.following[self.shares.cuts] = 0.0
+        self._apart = [
+            {name: np.empty_like(sum_) for name, sum_ in _sums(self._room).items()}
+            for _ in self.shares.all[1:]
+        ]
         surveyed, d = problem.surveyed, problem.tag_dof
         self._survey = np.zeros((len(surveyed), 3, 3))
         self._survey[:, :d, :d] = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
@@ -128,22 +144,37 @@ class System:
         Without `model` the linear model is left undefined: only costs are found.
         """
         linear = self._room._replace(T=values.T, p=values.p)
-        _clear(linear)
+        for sums in (_sums(linear), *self._apart):
+            _clear(sums)
+        linear.pose_calibration[:] = 0.0
         w, r2 = np.empty_like(belief.sightings), np.empty_like(belief.sightings)
-        asked, cost = sightings.linearise_sightings(
-            self.packed.sighted,
-            values.calibration,
-            mu,
-            belief.sightings,
-            w,
-            r2,
-            model,
-            linear,
-        )
-        step_w, step_r2 = np.empty_like(belief.steps), np.empty_like(belief.steps)
-        asked_steps, cost_steps = self._add_steps(
-            linear, values, belief, mu, step_w, step_r2, model
-        )
+        step_w, step_r2 = np.ones_like(belief.steps), np.zeros_like(belief.steps)
+        steps_ = self._corrected(values)
+        c2, least = robust.step_bound(self.problem.pose_dof), robust.LEAST_STEP
+
+        def linearise(share: Share) -> list[float]:
+            part, at = self._part(share, linear), share.steps
+            of_sightings = sightings.linearise_sightings(
+                self.packed.sighted, values.calibration, mu, belief.sightings, w, r2, model, part
+            )
+            of_steps = steps.linearise_steps(
+                share.of_steps(steps_),
+                mu,
+                c2,
+                least,
+                belief.steps[at],
+                step_w[at],
+                step_r2[at],
+                model,
+                part,
+            )
+            return [of_sightings[0] + of_steps[0], of_sightings[1] + of_steps[1]]
+
+        asked, cost = np.sum(self.shares.each(linearise), axis=0).tolist()
+        for apart in self._apart:
+            _add(apart, linear)
+        if self._has_step_unknowns and model:
+            unknowns.add_steps(self.packed.steps, steps_.T, step_w, values.calibration, linear)
         if self.packed.pose_pins.any():
             linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
         own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
@@ -155,34 +186,30 @@ class System:
             own,
             Squares(r2, step_r2, surveyed_r2, prior_r2),
             Belief(w, surveyed_w, step_w),
-            asked + asked_steps + rest + float(belief.surveyed @ surveyed_r2),
-            cost + cost_steps + rest + float(surveyed_w @ surveyed_r2),
+            asked + rest + float(belief.surveyed @ surveyed_r2),
+            cost + rest + float(surveyed_w @ surveyed_r2),
         )
 
-    def _add_steps(
-        self,
-        linear: Linear,
-        values: Values,
-        belief: Belief,
-        mu: float,
-        w: Array,
-        r2: Array,
-        model: bool,
-    ) -> tuple[float, float]:
-        """Odometry, with what it says of its own scales where they are unknowns; both costs."""
+    def _part(self, share: Share, linear: Linear) -> Linear:
+        """A share of it, with sums of its own unless it is the first."""
+        part = share.of(linear)
+        if share.number == 0:
+            return part
+        apart: dict[str, Any] = dict(self._apart[share.number - 1])
+        return part._replace(**apart)
+
+    @property
+    def _has_step_unknowns(self) -> bool:
+        return bool(self.packed.steps.columns.shape[1])
+
+    def _corrected(self, values: Values) -> Steps:
+        """Odometry as its own scales say, where they are unknowns."""
         measured = self.packed.steps
-        calibrated = measured.columns.shape[1] > 0
-        corrected = measured
-        if calibrated:
-            corrected = measured._replace(T=np.empty_like(measured.T))
-            unknowns.corrected_steps(measured, values.calibration, corrected.T)
-        c2, least = robust.step_bound(self.problem.pose_dof), robust.LEAST_STEP
-        asked, cost = steps.linearise_steps(
-            corrected, mu, c2, least, belief.steps, w, r2, model, linear
-        )
-        if calibrated and model:
-            unknowns.add_steps(measured, corrected.T, w, values.calibration, linear)
-        return asked, cost
+        if not self._has_step_unknowns:
+            return measured
+        corrected = measured._replace(T=np.empty_like(measured.T))
+        unknowns.corrected_steps(measured, values.calibration, corrected.T)
+        return corrected
 
     def _add_surveys(
         self, linear: Linear, values: Values, old: Array, mu: float
@@ -227,14 +254,16 @@ class System:
         return r2
 
 
-def _clear(linear: Linear) -> None:
-    """What is added to, not set."""
-    for sums in (
-        linear.tag_diagonal,
-        linear.tag_gradient,
-        linear.pose_calibration,
-        linear.tag_calibration,
-        linear.calibration,
-        linear.calibration_gradient,
-    ):
-        sums[:] = 0.0
+def _sums(linear: Linear) -> dict[str, Array]:
+    """What is added to, not set, and not along the poses."""
+    return {name: getattr(linear, name) for name in _SUMS}
+
+
+def _clear(sums: dict[str, Array]) -> None:
+    for sum_ in sums.values():
+        sum_[:] = 0.0
+
+
+def _add(sums: dict[str, Array], linear: Linear) -> None:
+    for name, sum_ in sums.items():
+        getattr(linear, name)[:] += sum_

@@ -1,10 +1,10 @@
 """The joint optimisation beside GTSAM, on the same problems and the same cost."""
 
-from fleet.benchmarks.estimation import arrivals, growth, ratios, updating, waiting
+from fleet.benchmarks.estimation import arrivals, growth, ratios, threads, updating, waiting
 from fleet.benchmarks.estimation.process import Runs
 from fleet.benchmarks.suite import Plan, Suite
 
-PARTS = (ratios, arrivals, growth, waiting, updating)
+PARTS = (ratios, threads, arrivals, growth, waiting, updating)
 
 
 def measure(plan: Plan) -> Runs:

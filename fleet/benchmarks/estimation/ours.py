@@ -7,9 +7,9 @@ from tagmap.estimation.problem import Problem, State
 class Ours:
     """Packing the problem for the kernels counts as solving."""
 
-    def __init__(self, problem: Problem, start: State, tolerance: float) -> None:
+    def __init__(self, problem: Problem, start: State, tolerance: float, threads: int = 1) -> None:
         self._problem, self._start = problem, start
-        self._options = Options(robust=False, tolerance=tolerance)
+        self._options = Options(robust=False, tolerance=tolerance, threads=threads)
         self._optimum: Optimum | None = None
 
     def solve(self) -> None:

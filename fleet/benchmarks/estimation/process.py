@@ -2,8 +2,8 @@
 
     python -m fleet.benchmarks.estimation '{"type": "Batch", "solver": "ours", "tags": 88, ...}'
 
-prints one JSON object, an Outcome. A process has one thread, and times are processor time: what
-else runs on the machine hardly counts.
+prints one JSON object, an Outcome. A process has one thread if nothing else is said, and times are
+processor time: what else runs on the machine hardly counts.
 """
 
 import os
@@ -46,6 +46,7 @@ class Batch(msgspec.Struct, frozen=True, tag=True):
     repeats: int = 1
     warm: bool = True
     planned: bool = False
+    threads: int = 1
 
 
 class Updates(msgspec.Struct, frozen=True, tag=True):
@@ -62,7 +63,7 @@ Task: TypeAlias = Batch | Updates
 
 class Outcome(msgspec.Struct, frozen=True):
     """times_s: whole solves, or updates, first to last; import_s: until the first could begin;
-    settle_s: what was done once after the last update.
+    settle_s: what was done once after the last update. walls_s: whole solves by the wall clock.
 
     cost: sum of squared whitened residuals; None where a tag is left behind a camera that saw it.
     converged: whether the solver says so. peak_mb: by how much memory grew at most in the first
@@ -77,6 +78,7 @@ class Outcome(msgspec.Struct, frozen=True):
     converged: bool
     peak_mb: float | None
     settle_s: float = 0.0
+    walls_s: list[float] = []
 
 
 def solvers() -> tuple[Solver, ...]:
@@ -97,7 +99,7 @@ def outcome(plan: Plan, task: Task) -> Outcome:
 def _in_words(task: Task) -> str:
     if isinstance(task, Updates):
         return f"{task.updater}, {task.poses} poses, {task.poses_per_update} at a time"
-    return f"{task.solver}, {task.poses} poses, {task.start}"
+    return f"{task.solver}, {task.poses} poses, {task.start}, threads: {task.threads}"
 
 
 def run(task: Task, environment: Mapping[str, str] | None = None) -> Outcome:

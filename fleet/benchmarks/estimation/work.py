@@ -3,9 +3,10 @@
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from fleet.benchmarks.estimation.process import Batch, Outcome, Solver, Task, Updater, Updates
+from fleet.benchmarks.estimation.process import Batch, Outcome, Task, Updater, Updates
 
 if TYPE_CHECKING:
     from fleet.benchmarks.estimation.world import World
@@ -57,7 +58,7 @@ def work(task: Task) -> Outcome:
 
 def _batch(task: Batch) -> Outcome:
     began_s = time.process_time()
-    load = _batch_solver(task.solver)
+    load = _batch_solver(task)
     import_s = time.process_time() - began_s
     from fleet.benchmarks.estimation.starts import start
     from fleet.benchmarks.estimation.world import WARM, Size, make, with_plan
@@ -71,13 +72,14 @@ def _batch(task: Batch) -> Outcome:
         world = with_plan(world)
     solver = load(world.problem, start(world, task.start), TOLERANCE)
     growth = Growth()
-    times_s = [_seconds(solver.solve)]
+    times = [_times(solver.solve)]
     peak_mb = growth.peak_mb()
-    times_s += [_seconds(solver.solve) for _ in range(task.repeats - 1)]
+    times += [_times(solver.solve) for _ in range(task.repeats - 1)]
     return Outcome(
         sightings=world.problem.n_sightings,
         import_s=import_s,
-        times_s=times_s,
+        times_s=[processor_s for processor_s, _ in times],
+        walls_s=[wall_s for _, wall_s in times],
         cost=_cost(world, solver.state()),
         iterations=solver.iterations,
         converged=solver.converged,
@@ -115,11 +117,11 @@ def _updates(task: Updates) -> Outcome:
     )
 
 
-def _batch_solver(name: Solver) -> "Callable[[Problem, State, float], Batching]":
-    if name == "ours":
+def _batch_solver(task: Batch) -> "Callable[[Problem, State, float], Batching]":
+    if task.solver == "ours":
         from fleet.benchmarks.estimation.ours import Ours
 
-        return Ours
+        return partial(Ours, threads=task.threads)
     from fleet.benchmarks.estimation.peer import LevenbergMarquardt
 
     return LevenbergMarquardt
@@ -143,6 +145,11 @@ def _cost(world: "World", state: "State") -> float | None:
 
 
 def _seconds(run: Callable[[], None]) -> float:
-    began_s = time.process_time()
+    return _times(run)[0]
+
+
+def _times(run: Callable[[], None]) -> tuple[float, float]:
+    """Processor time of all threads, and what the wall clock says, s."""
+    began_s, saw_s = time.process_time(), time.perf_counter()
     run()
-    return time.process_time() - began_s
+    return time.process_time() - began_s, time.perf_counter() - saw_s

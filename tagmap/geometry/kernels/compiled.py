@@ -1,4 +1,5 @@
-"""How kernels are compiled, said once: on first use, kept on disk, IEEE division.
+"""How kernels are compiled, said once: on first use, kept on disk, IEEE division, other
+threads go on meanwhile.
 
 A kernel on disk is renewed when its own file changes, not when one that it calls does: after
 editing a kernel delete the `__pycache__` folders.
@@ -17,7 +18,7 @@ RELAXED = {"contract", "arcp", "nsz", "reassoc"}
 
 def compiled(function: Function) -> Function:
     """`function`, compiled for each combination of argument types that it is called with."""
-    made = numba.njit(cache=True, error_model="numpy", fastmath=RELAXED)(function)
+    made = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=RELAXED)(function)
     return cast(Function, made)
 
 
