@@ -110,9 +110,12 @@ def _field_rad(rig: StereoRig) -> Array:
 def _grid(pan: AxisReach, tilt: AxisReach, step_rad: Array) -> Array:
     """(K, 2) angles over the whole reach, no further apart than `step_rad` (2,)."""
     axes = [
-        np.linspace(reach.least_rad, reach.most_rad, 1 + int(np.ceil(span / step)))
+        np.linspace(
+            reach.least_rad,
+            reach.most_rad,
+            1 + int(np.ceil((reach.most_rad - reach.least_rad) / step)),
+        )
         for reach, step in zip((pan, tilt), step_rad, strict=True)
-        if (span := reach.most_rad - reach.least_rad) >= 0.0
     ]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
 

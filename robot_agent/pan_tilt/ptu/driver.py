@@ -152,12 +152,12 @@ class PtuUnit(PanTilt):
         return self._line
 
     def _prepare(self, line: Line) -> None:
-        """Terse answers with echo, moves at once and within limits; nothing goes to the EEPROM,
-        which wears out, and nothing moves."""
+        """Terse answers with echo, moves at once. Limits stay as people set them in the unit: LE
+        would widen those of an E series. Nothing goes to the EEPROM, and nothing moves."""
         config = self._config
         line.quieten()
         line.ask("EE" if config.echo else "ED", None)
-        for command in ("FT", "I", "LE"):
+        for command in ("FT", "I"):
             line.ask(command, config.echo)
         for letter, name in ((PAN, "pan"), (TILT, "tilt")):
             limits = getattr(config, f"{name}_limits_rad")
@@ -174,6 +174,8 @@ class PtuUnit(PanTilt):
         if not (step_rad > 0.0 and least_rad < most_rad):
             raise LineLost(f"{letter}R, {letter}N, {letter}X: no step and limits of an axis")
         if limits is not None:
+            if limits[0] > most_rad or limits[1] < least_rad:
+                raise Refused(f"it turns from {least_rad:.4f} to {most_rad:.4f} rad, not {limits}")
             least_rad, most_rad = max(least_rad, limits[0]), min(most_rad, limits[1])
         return AxisReach(least_rad, most_rad, step_rad, ask("U") * step_rad, ask("A") * step_rad)
 

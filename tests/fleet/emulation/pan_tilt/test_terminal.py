@@ -95,6 +95,14 @@ def test_beyond_the_limits_nothing_is_sent(stand):
     assert all(axis.target == 0 for axis in unit.axes.values())
 
 
+def test_limits_that_the_unit_does_not_have(stand):
+    _, driver = stand(tilt_limits_rad=(0.6, 0.8))
+    failure = driver.probe()
+    assert isinstance(failure, Failure)
+    assert failure.reason == "refused"
+    assert "it turns from -0.8141 to 0.5421 rad, not (0.6, 0.8)" in failure.detail
+
+
 def test_what_the_unit_refuses_is_told(stand):
     _, driver = stand()
     failure = driver.set_speed(9.0)
