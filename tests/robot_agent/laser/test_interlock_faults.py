@@ -23,7 +23,7 @@ ACTS += ("revoke", "check", "moved", "stop", "jump", "breaks")
 class Run:
     def __init__(self, seed):
         self.rng = random.Random(seed)
-        self.world = World(self.rng)
+        self.world = World(self.rng, jumping=self.rng.randrange(2))
         self.device = FaultyLaser(self.world, faulty=False)
         self.interlock = interlock_on(self.world, self.device)
         self.stopped_after = None
@@ -106,9 +106,10 @@ class Run:
             self.stopped_after = self.device.lights
 
     def jump(self):
-        """Suspended, set by hand, or broken: one of the clocks, by more than may go unnoticed."""
+        """Suspended, set by hand, or broken: one of the clocks, by more than may go
+        unnoticed; the other one of this run keeps time."""
         by_ns = round(self.rng.choice([0.006, 0.05, 0.5, 3.0, 1e4]) * SECOND_NS)
-        self.world.jumped[self.rng.randrange(2)] += self.rng.choice([-1, 1]) * by_ns
+        self.world.jumped[self.world.jumping] += self.rng.choice([-1, 1]) * by_ns
 
     def breaks(self):
         """Anything in the program that uses it raises."""

@@ -1,7 +1,7 @@
 """A laser in true time, whose every fault happens, and an oracle that knows when it may be on.
 
-The robot sees two clocks that may jump, one at a time. The device has a clock of its own and ends
-every window by it; its answers tell what that clock says, as those of a real one do.
+The robot sees two clocks, of which one in each run may jump. The device has a clock of its own and
+ends every window by it; its answers tell what that clock says, as those of a real one do.
 """
 
 from dataclasses import dataclass, field
@@ -34,6 +34,7 @@ class World:
     rng: object
     t_ns: int = 10**12
     jumped: list[int] = field(default_factory=lambda: [0, 7 * 10**12])
+    jumping: int = 0
     permit_ends_ns: int = 0
     beat_ns: int = 10**12
 
@@ -96,7 +97,7 @@ class FaultyLaser:
             self.world.passes(rng.random() * 0.2)
         self._end()
         if fault < 0.1:
-            self.world.jumped[rng.randrange(2)] += rng.randint(-(10**9), 10**9)
+            self.world.jumped[self.world.jumping] += rng.randint(-(10**9), 10**9)
         act()
         if fault < 0.11:
             raise Killed
