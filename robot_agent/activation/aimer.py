@@ -1,0 +1,81 @@
+"""A target's search as steps of the drive, with the doubt that each place leaves."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_agent.activation.rules import ShotRules
+from robot_agent.activation.search import Search, p_beside, plan, spread
+from robot_agent.activation.target import Target
+from robot_agent.laser.device import Steps
+from tagmap.conventions import Array
+from tagmap.geometry.scanner.aiming import Aims, aim, beside, why_not
+from tagmap.geometry.scanner.drive import Drive, angles_of, nearest_steps, volts
+from tagmap.geometry.scanner.scanner import Scanner, point
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """`steps` give the angles theta (2,); p_beside: that what is lit there is another tag."""
+
+    steps: Steps
+    theta: Array
+    p_beside: float
+
+
+@dataclass(frozen=True, slots=True)
+class Aimer:
+    scanner: Scanner
+    drive: Drive
+    rules: ShotRules
+
+    def places(self, target: Target) -> "Places | str":
+        """Where to shoot, or why that cannot be."""
+        aims = aim(self.scanner, self.drive, target.p_cam, target.cov_cam)
+        if why := why_not(self.drive, aims, target.p_cam):
+            return why
+        cov_m = spread(self.scanner, aims, target.p_cam)
+        rules = self.rules
+        search = plan(cov_m, rules.reach_m, rules.most_shots, rules.search_sigmas)
+        theta = np.broadcast_to(aims.theta, (len(target.others), 2))
+        others_m = point(self.scanner, theta, target.others).off
+        return Places(self, target, aims, search, others_m[np.isfinite(others_m).all(axis=1)])
+
+    def steps_at(self, theta: Array) -> Steps | None:
+        """None where mirrors or volts cannot."""
+        drive = self.drive
+        v = volts(drive, theta)
+        inside = (theta >= drive.limits_rad[:, 0]) & (theta <= drive.limits_rad[:, 1])
+        inside &= (v >= drive.limits_v[0]) & (v <= drive.limits_v[1])
+        if not inside.all():
+            return None
+        x, y = nearest_steps(drive, theta).tolist()
+        return x, y
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The likeliest first. `others_m` (M, 2): by how much the beam at the target passes others."""
+
+    aimer: Aimer
+    target: Target
+    aims: Aims
+    search: Search
+    others_m: Array
+
+    def __iter__(self) -> Iterator[Place]:
+        for offset_m in self.search.offsets_m:
+            place = self.beside(offset_m)
+            if place is not None:
+                yield place
+
+    def beside(self, offset_m: Array) -> Place | None:
+        """None where the mirrors do not reach."""
+        aimer = self.aimer
+        theta = beside(aimer.scanner, self.aims.theta, self.target.p_cam, offset_m)
+        steps = aimer.steps_at(theta)
+        if steps is None:
+            return None
+        doubt = p_beside(self.search, offset_m, self.others_m, aimer.rules.reach_m)
+        return Place(steps, angles_of(aimer.drive, np.array(steps)), doubt)

@@ -1,0 +1,126 @@
+"""A shot without the service: the laser blinks a random code, and only what follows it counts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_agent.activation.aimer import Aimer, Place
+from robot_agent.activation.commands import Act, Allow, Dark, Denied, Light, Listen, Wait
+from robot_agent.activation.memory import Work, at_the_tag
+from robot_agent.activation.shot import silence
+from robot_agent.activation.target import Target
+from robot_agent.activation.verdict import Verdict
+from robot_agent.activation.window import turn_to
+from robot_agent.laser.interlock import SECOND_NS, Permit
+from robot_agent.rfid.reader import Inventory
+from tagmap.arbitration.blink import Blink, BlinkRules, Reading
+
+LEAD_S, GUARD_S = 0.03, 0.01
+"""To turn the mirrors before the first slot; for the line to the reader at the end of each."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """`failed`: why there was none. `silent`: nothing was heard in too many slots of light."""
+
+    readings: tuple[Reading, ...]
+    now_ns: int
+    silent: bool = False
+    failed: str | None = None
+
+
+def blink(
+    aimer: Aimer,
+    target: Target,
+    work: Work,
+    code_rules: BlinkRules,
+    rng: np.random.Generator,
+    now_ns: int,
+) -> Act[Verdict]:
+    """The laser is off when this returns."""
+    places = aimer.places(target)
+    if isinstance(places, str):
+        return Verdict("refused", places)
+    rules, shots = aimer.rules, 0
+    first = next(iter(places), None)
+    if first is None or first.p_beside > rules.most_p_false:
+        return Verdict("ambiguous", "another spot is so near that the beam cannot tell them apart")
+    for place in places:
+        if place.p_beside > rules.most_p_false:
+            continue
+        code = Blink.draw(code_rules, rng, now_ns + round(LEAD_S * SECOND_NS))
+        found = yield from _round(code, place)
+        now_ns, shots = found.now_ns, shots + 1
+        if found.failed:
+            return Verdict("timeout", found.failed, shots)
+        if not found.silent:
+            verdict = yield from _judged(aimer, code, found, place, work)
+            return replace(verdict, shots=shots)
+    return silence(rules, target, shots)
+
+
+def _round(code: Blink, place: Place) -> Act[_Round]:
+    yield Allow(_permit(code), None)
+    if why := (yield from turn_to(place.steps)):
+        return _Round((), code.end_ns, failed=why)
+    readings: list[Reading] = []
+    unheard = 0
+    for slot, on in enumerate(code.code):
+        begin_ns = code.begin_ns + slot * code.rules.slot_ns
+        heard = yield from _slot(code.rules, begin_ns, on)
+        if isinstance(heard, str):
+            reply = yield Dark()
+            return _Round((), reply.now_ns, failed=heard)
+        readings += heard
+        unheard += on and not heard
+        if unheard > code.rules.missed and not readings:
+            reply = yield Dark()
+            return _Round((), reply.now_ns, silent=True)
+    reply = yield Dark()
+    return _Round(tuple(readings), reply.now_ns)
+
+
+def _permit(code: Blink) -> Permit:
+    def permit(now_ns: int, for_s: float) -> bool:
+        return code.is_on(now_ns) and code.is_on(now_ns + round(for_s * SECOND_NS))
+
+    return permit
+
+
+def _slot(rules: BlinkRules, begin_ns: int, on: bool) -> Act[list[Reading] | str]:
+    """What was heard in the part of the slot that counts, or why it failed."""
+    reply = yield Wait(begin_ns)
+    end_ns = begin_ns + rules.slot_ns
+    if on:
+        reply = yield Light(max(0.0, (end_ns - reply.now_ns) / SECOND_NS - GUARD_S / 2))
+        if isinstance(reply.value, Denied):
+            return reply.value.why
+    else:
+        yield Dark()
+    listen_ns = begin_ns + round(rules.settle_s * SECOND_NS)
+    yield Wait(listen_ns)
+    reply = yield Listen(rules.slot_s - rules.settle_s - GUARD_S)
+    if not isinstance(reply.value, Inventory):
+        return str(getattr(reply.value, "detail", "the reader did not answer"))
+    if reply.now_ns >= end_ns:
+        return "the reader was late: its window ended in the next slot"
+    return [Reading(tag.epc, listen_ns) for tag in reply.value.tags]
+
+
+def _judged(aimer: Aimer, code: Blink, found: _Round, place: Place, work: Work) -> Act[Verdict]:
+    judged = code.judge(found.readings)
+    if judged.tag is None:
+        return Verdict("ambiguous", judged.reason or "nothing follows the code")
+    p_false = place.p_beside + judged.p_false
+    if p_false > aimer.rules.most_p_false:
+        return Verdict("ambiguous", f"{judged.tag} is another with probability {p_false:.1g}")
+    end_ns = found.now_ns + SECOND_NS
+    yield Allow(lambda now_ns, s: now_ns + round(s * SECOND_NS) <= end_ns, None)
+    if why := (yield from turn_to(place.steps)):
+        return Verdict("timeout", why)
+    done = yield from at_the_tag(aimer.rules, judged.tag, work)
+    yield Dark()
+    said = done.trouble or "follows the code"
+    return Verdict(
+        "identified", said, 0, judged.tag, p_false, place.theta, done.memory, done.result
+    )

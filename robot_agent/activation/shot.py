@@ -1,0 +1,88 @@
+"""A shot under a lease: search, prove, read, write. Drawn in docs/activation.md."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from robot_agent.activation.aimer import Aimer, Place
+from robot_agent.activation.commands import Act, Dark
+from robot_agent.activation.memory import Work, at_the_tag
+from robot_agent.activation.rules import ShotRules
+from robot_agent.activation.target import Target
+from robot_agent.activation.verdict import Verdict, distance_m
+from robot_agent.activation.window import Window, dark, light_up, turn_to
+
+
+@dataclass(slots=True)
+class _Shot:
+    rules: ShotRules
+    shots: int = 0
+
+
+def shoot(aimer: Aimer, target: Target, work: Work) -> Act[Verdict]:
+    """The laser is off when this returns. Any exception leaves that to the interlock."""
+    places = aimer.places(target)
+    if isinstance(places, str):
+        return Verdict("refused", places)
+    shot = _Shot(aimer.rules)
+    verdict = yield from _search(shot, target, list(places), work)
+    yield Dark()
+    return replace(verdict, shots=shot.shots)
+
+
+def _search(shot: _Shot, target: Target, places: list[Place], work: Work) -> Act[Verdict]:
+    """Each place once; the first that answers decides."""
+    rules = shot.rules
+    if not places or places[0].p_beside > rules.most_p_false:
+        return Verdict("ambiguous", "another spot is so near that the beam cannot tell them apart")
+    for place in places:
+        if place.p_beside > rules.most_p_false:
+            continue
+        if why := (yield from turn_to(place.steps)):
+            return Verdict("refused", why)
+        window = yield from _look(shot)
+        if window.failed:
+            return Verdict("timeout", window.failed)
+        if window.alone:
+            return (yield from _prove(shot, place, window.alone, work))
+        if is_crowd(window.heard):
+            return Verdict("ambiguous", f"{', '.join(sorted(window.heard))} answer at once")
+    return silence(rules, target, shot.shots)
+
+
+def is_crowd(heard: Mapping[str, int]) -> bool:
+    """Whether a tag was among what was heard in all tries; else it was noise, heard once each."""
+    return any(count > 1 for count in heard.values())
+
+
+def silence(rules: ShotRules, target: Target, shots: int) -> Verdict:
+    away_m = distance_m(target)
+    said = f"nothing answers at {away_m:.1f} m, in {shots} windows"
+    if away_m > rules.threshold_m:
+        return Verdict("out_of_range", f"{said}; sure is only what is within {rules.threshold_m} m")
+    return Verdict("false_match", said)
+
+
+def _look(shot: _Shot) -> Act[Window]:
+    window = yield from light_up(shot.rules)
+    shot.shots += 1
+    return window
+
+
+def _prove(shot: _Shot, place: Place, tag: str, work: Work) -> Act[Verdict]:
+    """The tag follows the light: silent in the dark, and alone again in the light."""
+    rules = shot.rules
+    window = yield from dark(rules)
+    if window.failed:
+        return Verdict("timeout", window.failed)
+    if tag in window.heard:
+        return Verdict("ambiguous", f"{tag} answers in the dark as well")
+    window = yield from _look(shot)
+    if window.failed:
+        return Verdict("timeout", window.failed)
+    if window.alone != tag:
+        others = ", ".join(sorted(window.heard)) or "nothing"
+        return Verdict("ambiguous", f"{tag} answered first, then {others}")
+    p_false = place.p_beside + rules.p_stray**2
+    done = yield from at_the_tag(rules, tag, work)
+    said = done.trouble or "alone in the light, silent in the dark"
+    return Verdict("identified", said, 0, tag, p_false, place.theta, done.memory, done.result)

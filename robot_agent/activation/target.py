@@ -1,0 +1,63 @@
+"""A spot to shoot at, and everything else that the beam might light instead."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robot_agent.perception.matching import Candidates, Matches, View
+from tagmap.conventions import Array
+from tagmap.records.arrays import upper, vector
+from tagmap.records.keyframe import Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """
+    pair     spots (left, right): what to match without when it proves false
+    p_cam    (3,) with cov_cam (3, 3)
+    z        what the sighting will say
+    others   (M, 3) in cam: all other places where the two images may have a tag
+    names    probability of each name it may have; what is missing to 1 is tags that nobody knows
+    p_tag    that there is a tag at all, and in the light when it is aimed at
+    """
+
+    pair: tuple[int, int]
+    p_cam: Array
+    cov_cam: Array
+    z: Measurement
+    others: Array
+    names: Mapping[str, float] = field(default_factory=dict)
+    p_tag: float = 0.9
+
+
+def targets_of(matches: Matches, left: View, right: View) -> list[Target]:
+    """The chosen matches of two views.
+
+    Whatever fits within the gate may be real, also what was not chosen.
+    """
+    chosen, all_of = matches.chosen, matches.hypotheses
+    return [
+        Target(
+            (i, j),
+            chosen.p_cam[k],
+            chosen.cov[k],
+            _stereo(left, right, i, j),
+            _others(all_of, i, j),
+            p_tag=0.5 if matches.ambiguous[k] else 0.9,
+        )
+        for k, (i, j) in enumerate(chosen.pairs.tolist())
+    ]
+
+
+def _others(hypotheses: Candidates, i: int, j: int) -> Array:
+    same = (hypotheses.pairs == np.array([i, j])).all(axis=1)
+    others: Array = hypotheses.p_cam[~same]
+    return others
+
+
+def _stereo(left: View, right: View, i: int, j: int) -> Measurement:
+    cov = np.zeros((4, 4))
+    cov[:2, :2], cov[2:, 2:] = left.cov[i], right.cov[j]
+    px = np.concatenate([left.px[i], right.px[j]])
+    return Measurement(stereo_px=vector(px), cov=upper(cov))
