@@ -12,8 +12,10 @@ from robot_agent.activation.verdict import Outcome
 class Judged:
     """
     kinds      how many verdicts of each kind
-    wrong      identities of which the tag is not the target's
+    wrong      identities of which the tag is not the left spot's; the laser is beside that camera
     right      identities of which it is
+    mismatched   right ones with a depth that is wrong: the right spot is another tag's
+    depths     right ones with a depth
     missed     targets that are a tag in the light, and whose match was called false
     shot_s     of each identity, from its first window to the end
     """
@@ -21,6 +23,8 @@ class Judged:
     kinds: Counter[str]
     wrong: int
     right: int
+    mismatched: int
+    depths: int
     missed: int
     shot_s: tuple[float, ...]
 
@@ -34,19 +38,28 @@ class Judged:
 
 def judge(all_of: Iterable[Shots]) -> Judged:
     kinds: Counter[str] = Counter()
-    wrong = right = missed = 0
+    wrong = right = mismatched = depths = missed = 0
     shot_s: list[float] = []
     for shots in all_of:
         for outcome in shots.outcomes:
             kinds[outcome.verdict.kind] += 1
             tag = true_tag(shots, outcome)
             if outcome.verdict.kind == "identified":
-                right += outcome.verdict.tag == tag
-                wrong += outcome.verdict.tag != tag
+                is_right = outcome.verdict.tag == left_tag(shots, outcome)
+                right += is_right
+                wrong += not is_right
+                depths += is_right and outcome.verdict.depth
+                mismatched += is_right and outcome.verdict.depth and tag is None
                 shot_s.append(1e-9 * (outcome.ended_ns - outcome.began_ns))
             if outcome.verdict.kind == "false_match":
                 missed += tag is not None and shots.epcs.index(tag) not in shots.seen.blocked
-    return Judged(kinds, wrong, right, missed, tuple(shot_s))
+    return Judged(kinds, wrong, right, mismatched, depths, missed, tuple(shot_s))
+
+
+def left_tag(shots: Shots, outcome: Outcome) -> str | None:
+    """The tag that the left spot is; None: a lamp."""
+    k = shots.seen.left_of[outcome.target.pair[0]]
+    return shots.epcs[k] if k >= 0 else None
 
 
 def true_tag(shots: Shots, outcome: Outcome) -> str | None:

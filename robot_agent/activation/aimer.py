@@ -14,13 +14,19 @@ from tagmap.geometry.scanner.aiming import Aims, aim, beside, why_not
 from tagmap.geometry.scanner.drive import Drive, angles_of, nearest_steps, volts
 from tagmap.geometry.scanner.scanner import Scanner, point
 
+NEARER = 0.9
+ABREAST = 0.6
+"""Of the reach: where the depth is right it is lit from there too, if aimed well."""
+
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """`steps` give the angles theta (2,); p_beside: that what is lit there is another tag."""
+    """`steps` give the angles theta (2,), the beam passes the target by offset_m (2,); p_beside:
+    that what is lit there is another tag."""
 
     steps: Steps
     theta: Array
+    offset_m: Array
     p_beside: float
 
 
@@ -78,4 +84,14 @@ class Places:
         if steps is None:
             return None
         doubt = p_beside(self.search, offset_m, self.others_m, aimer.rules.reach_m)
-        return Place(steps, angles_of(aimer.drive, np.array(steps)), doubt)
+        return Place(steps, angles_of(aimer.drive, np.array(steps)), offset_m, doubt)
+
+    def abreast(self, place: Place) -> list[Place]:
+        """To both sides of a place, where a tag at another depth on the same ray of the left camera
+        would come to lie."""
+        scanner, p_cam = self.aimer.scanner, self.target.p_cam
+        nearer = point(scanner, self.aims.theta, NEARER * p_cam).off
+        shift = nearer - point(scanner, self.aims.theta, p_cam).off
+        step_m = ABREAST * self.aimer.rules.reach_m * shift / np.sqrt((shift**2).sum())
+        sides = [self.beside(place.offset_m + side * step_m) for side in (1.0, -1.0)]
+        return [side for side in sides if side is not None]

@@ -6,6 +6,7 @@ import numpy as np
 
 from robot_agent.activation.aimer import Aimer, Places
 from robot_agent.activation.commands import Act, Dark
+from robot_agent.activation.rules import ShotRules
 from robot_agent.activation.verdict import Outcome, distance_m
 from robot_agent.activation.window import lit, turn_to
 from robot_agent.calibration.scanner.online import Hit, Online, absorb, warning
@@ -16,6 +17,17 @@ from tagmap.geometry.scanner.aiming import beside
 SPACING_M = 0.008
 EACH_SIDE = 4
 SIGMA_THETA_RAD = 3e-4
+WINDOW_S, MARGIN_S = 0.03, 0.005
+
+
+def quick(rules: ShotRules) -> ShotRules:
+    """The tag is known already: it need only answer once."""
+    return replace(rules, window_s=WINDOW_S, margin_s=MARGIN_S)
+
+
+def probe_s(rules: ShotRules) -> float:
+    """How long probing takes, the mirrors' turns left out."""
+    return 2 * (2 * EACH_SIDE + 1) * quick(rules).shot_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +41,7 @@ class Lesson:
 def probe(aimer: Aimer, outcome: Outcome) -> Act[Hit | None]:
     """Two lines of shots across an identified tag; None where its edges were not found.
 
-    For the same lease: the permit must last for 2 (2 EACH_SIDE + 1) windows.
+    Under the lease of the shot, which must last for probe_s.
     """
     places = aimer.places(outcome.target)
     theta, tag = outcome.verdict.theta, outcome.verdict.tag
@@ -56,7 +68,11 @@ def probe(aimer: Aimer, outcome: Outcome) -> Act[Hit | None]:
 
 def learn(online: Online, hit: Hit, outcome: Outcome) -> Lesson:
     """Aim with `online.scanner` from now on."""
-    online = absorb(online, hit)
+    try:
+        online = absorb(online, hit)
+    except np.linalg.LinAlgError:
+        # Hits of one and the same place leave a turn of the mount open.
+        return Lesson(online, None)
     return Lesson(online, warning(online, distance_m(outcome.target)))
 
 
@@ -70,7 +86,7 @@ def _at(places: Places, theta: Array, offset_m: Array) -> Act[frozenset[str] | N
     steps = aimer.steps_at(beside(aimer.scanner, theta, places.target.p_cam, offset_m))
     if steps is None or (yield from turn_to(steps)):
         return None
-    window = yield from lit(aimer.rules)
+    window = yield from lit(quick(aimer.rules))
     return None if window.failed else frozenset(window.heard)
 
 

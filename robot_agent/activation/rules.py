@@ -42,5 +42,5 @@ class ShotRules:
 
     @property
     def proof_s(self) -> float:
-        """The first window that is not silent, the dark one, the second, and the memory."""
-        return 3.0 * self.shot_s + self.memory_s
+        """The first window that is not silent, the dark one, one to each side, and the memory."""
+        return 4.0 * self.shot_s + self.memory_s

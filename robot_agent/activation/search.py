@@ -33,13 +33,10 @@ def plan(cov_m: Array, reach_m: float, most: int, sigmas: float) -> Search:
     n = int(np.ceil(sigmas * np.sqrt(np.linalg.eigvalsh(cov_m)[-1]) / edge_m)) + 1
     # More rings than could ever be shot at cost time, and add nothing.
     n = min(n, most)
-    i, j = (axis.ravel() for axis in np.mgrid[-n : n + 1, -n : n + 1])
+    i, j = (axis.ravel() for axis in np.mgrid[-2 * n : 2 * n + 1, -n : n + 1])
     lattice = edge_m * np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=-1)
-    nearest = (
-        lattice * np.maximum(0.0, 1.0 - reach_m / np.maximum(_norm(lattice), reach_m))[:, None]
-    )
     distance = _mahalanobis(lattice, cov_m)
-    reached = _mahalanobis(nearest, cov_m) <= sigmas**2
+    reached = _mahalanobis(lattice, _sum(sigmas**2 * cov_m, reach_m**2 * np.eye(2))) <= 1.0
     order = np.flatnonzero(reached)[np.argsort(distance[reached], kind="stable")][:most]
     return Search(lattice[order], cov_m)
 
@@ -63,6 +60,14 @@ def p_beside(search: Search, offset_m: Array, others_m: Array, reach_m: float) -
 def _norm(x: Array) -> Array:
     length: Array = np.sqrt((x**2).sum(axis=-1))
     return length
+
+
+def _sum(A: Array, B: Array) -> Array:
+    """An ellipse around every sum of a point of ellipse A and one of B, (2, 2) each: the least by
+    trace (Kurzhanski and Valyi 1997, Ellipsoidal Calculus, section 2.2)."""
+    p = np.sqrt(np.trace(A) / np.trace(B))
+    around: Array = (1.0 + 1.0 / p) * A + (1.0 + p) * B
+    return around
 
 
 def _mahalanobis(x: Array, cov: Array) -> Array:

@@ -3,13 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from robot_agent.activation.aimer import Aimer, Place
+from robot_agent.activation.aimer import Aimer, Place, Places
 from robot_agent.activation.commands import Act, Dark
 from robot_agent.activation.memory import Work, at_the_tag
 from robot_agent.activation.rules import ShotRules
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Verdict, distance_m
 from robot_agent.activation.window import Window, dark, light_up, turn_to
+
+SIDES = 2
 
 
 @dataclass(slots=True)
@@ -24,15 +26,16 @@ def shoot(aimer: Aimer, target: Target, work: Work) -> Act[Verdict]:
     if isinstance(places, str):
         return Verdict("refused", places)
     shot = _Shot(aimer.rules)
-    verdict = yield from _search(shot, target, list(places), work)
+    verdict = yield from _search(shot, target, places, work)
     yield Dark()
     return replace(verdict, shots=shot.shots)
 
 
-def _search(shot: _Shot, target: Target, places: list[Place], work: Work) -> Act[Verdict]:
+def _search(shot: _Shot, target: Target, places: Places, work: Work) -> Act[Verdict]:
     """Each place once; the first that answers decides."""
     rules = shot.rules
-    if not places or places[0].p_beside > rules.most_p_false:
+    centre = next(iter(places), None)
+    if centre is None or centre.p_beside > rules.most_p_false:
         return Verdict("ambiguous", "another spot is so near that the beam cannot tell them apart")
     for place in places:
         if place.p_beside > rules.most_p_false:
@@ -43,7 +46,7 @@ def _search(shot: _Shot, target: Target, places: list[Place], work: Work) -> Act
         if window.failed:
             return Verdict("timeout", window.failed)
         if window.alone:
-            return (yield from _prove(shot, place, window.alone, work))
+            return (yield from _prove(shot, places, place, window.alone, work))
         if is_crowd(window.heard):
             return Verdict("ambiguous", f"{', '.join(sorted(window.heard))} answer at once")
     return silence(rules, target, shot.shots)
@@ -68,7 +71,7 @@ def _look(shot: _Shot) -> Act[Window]:
     return window
 
 
-def _prove(shot: _Shot, place: Place, tag: str, work: Work) -> Act[Verdict]:
+def _prove(shot: _Shot, places: Places, place: Place, tag: str, work: Work) -> Act[Verdict]:
     """The tag follows the light: silent in the dark, and alone again in the light."""
     rules = shot.rules
     window = yield from dark(rules)
@@ -76,13 +79,42 @@ def _prove(shot: _Shot, place: Place, tag: str, work: Work) -> Act[Verdict]:
         return Verdict("timeout", window.failed)
     if tag in window.heard:
         return Verdict("ambiguous", f"{tag} answers in the dark as well")
-    window = yield from _look(shot)
-    if window.failed:
-        return Verdict("timeout", window.failed)
-    if window.alone != tag:
-        others = ", ".join(sorted(window.heard)) or "nothing"
-        return Verdict("ambiguous", f"{tag} answered first, then {others}")
+    again = 0
+    # Wherever the depth is right, the tag is lit from both sides; if from none, it has to be again
+    # from where it was lit first.
+    for other in (*places.abreast(place), place):
+        if other is place and again:
+            break
+        window = yield from _at(shot, other)
+        if window.failed:
+            return Verdict("timeout", window.failed)
+        if window.heard and window.alone != tag and is_crowd(window.heard):
+            return Verdict("ambiguous", f"{tag} answered first, then {_names(window)}")
+        again += window.alone == tag
+    if not again:
+        return Verdict("ambiguous", f"{tag} answered first, then {_names(window)}")
+    if again < SIDES and window.alone != tag and (why := (yield from turn_to(place.steps))):
+        return Verdict("timeout", why)
     p_false = place.p_beside + rules.p_stray**2
     done = yield from at_the_tag(rules, tag, work)
     said = done.trouble or "alone in the light, silent in the dark"
-    return Verdict("identified", said, 0, tag, p_false, place.theta, done.memory, done.result)
+    return Verdict(
+        "identified",
+        said,
+        tag=tag,
+        p_false=p_false,
+        theta=place.theta,
+        memory=done.memory,
+        result=done.result,
+        depth=again == SIDES,
+    )
+
+
+def _names(window: Window) -> str:
+    return ", ".join(sorted(window.heard)) or "nothing"
+
+
+def _at(shot: _Shot, place: Place) -> Act[Window]:
+    if why := (yield from turn_to(place.steps)):
+        return Window({}, why)
+    return (yield from _look(shot))

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import UnsetType
 
 from robot_agent.perception.matching import Candidates, Matches, View
 from tagmap.conventions import Array
-from tagmap.records.arrays import upper, vector
+from tagmap.records.arrays import covariance, upper, vector
 from tagmap.records.keyframe import Measurement
 
 
@@ -29,6 +30,14 @@ class Target:
     others: Array
     names: Mapping[str, float] = field(default_factory=dict)
     p_tag: float = 0.9
+
+    @property
+    def left(self) -> Measurement:
+        """The left spot alone, where the match is in doubt."""
+        if isinstance(self.z.stereo_px, UnsetType):
+            return self.z
+        cov = covariance(self.z.cov)[:2, :2]
+        return Measurement(mono_px=self.z.stereo_px[:2], cov=upper(cov))
 
 
 def targets_of(matches: Matches, left: View, right: View) -> list[Target]:

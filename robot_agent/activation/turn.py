@@ -9,10 +9,12 @@ import numpy as np
 from robot_agent.activation.aimer import Aimer
 from robot_agent.activation.blinking import blink
 from robot_agent.activation.commands import Act, Allow, Answered, Ask, Listen, Wait
+from robot_agent.activation.learning import learn, probe, probe_s, with_lesson
 from robot_agent.activation.memory import Work
 from robot_agent.activation.shot import shoot
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Outcome, Verdict
+from robot_agent.calibration.scanner.online import Online
 from robot_agent.laser.interlock import SECOND_NS
 from robot_agent.rfid.reader import Inventory
 from tagmap.arbitration.blink import BlinkRules
@@ -22,10 +24,19 @@ from tagmap.arbitration.listening import Listening
 Choose: TypeAlias = Callable[[Sequence[Outcome]], Target | None]
 """The next target after these outcomes of the turn; None: enough."""
 
+PROBING = 1.1
+"""Times the light of probing: the mirrors turn in between."""
+
 
 @dataclass(slots=True)
 class Shooter:
-    """What lasts from turn to turn. `done`: a lease to give back with the next question."""
+    """What lasts from turn to turn.
+
+    done         a lease to give back with the next question
+    online       the scanner as hits refine it, None: it stays as it was calibrated
+    probe_every  so many identified tags one is probed, where the lease has time for it
+    warning      of a mount that has turned; None: of nothing
+    """
 
     aimer: Aimer
     holder: Holder
@@ -33,6 +44,10 @@ class Shooter:
     blink: BlinkRules = field(default_factory=BlinkRules)
     listening: Listening | None = None
     done: int | None = None
+    online: Online | None = None
+    probe_every: int = 10
+    warning: str | None = None
+    identified: int = 0
 
 
 def turn(shooter: Shooter, choose: Choose, work: Work, now_ns: int) -> Act[list[Outcome]]:
@@ -88,8 +103,27 @@ def _shots(shooter: Shooter, choose: Choose, work: Work, now_ns: int) -> Act[lis
         verdict = yield from shoot(shooter.aimer, target, work)
         reply = yield Wait(now_ns)
         outcomes.append(Outcome(target, verdict, lease, now_ns, reply.now_ns))
-        now_ns = reply.now_ns
+        now_ns = yield from _learn(shooter, outcomes[-1])
     return outcomes
+
+
+def _learn(shooter: Shooter, outcome: Outcome) -> Act[int]:
+    """Now and then, from a tag that was lit; when it is over."""
+    now_ns = outcome.ended_ns
+    if shooter.online is None or not shooter.probe_every or not outcome.verdict.depth:
+        return now_ns
+    shooter.identified += 1
+    probing_s = PROBING * probe_s(shooter.aimer.rules)
+    if shooter.identified < shooter.probe_every or not shooter.holder.may_shoot(now_ns, probing_s):
+        return now_ns
+    shooter.identified = 0
+    hit = yield from probe(shooter.aimer, outcome)
+    if hit is not None:
+        lesson = learn(shooter.online, hit, outcome)
+        shooter.online, shooter.warning = lesson.online, lesson.warning
+        shooter.aimer = with_lesson(shooter.aimer, lesson)
+    reply = yield Wait(now_ns)
+    return reply.now_ns
 
 
 def _give_back(shooter: Shooter, now_ns: int) -> Act[None]:

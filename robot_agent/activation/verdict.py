@@ -31,6 +31,7 @@ class Verdict:
     theta     (2,) mirror angles that lit it, None: nothing did
     shots     windows of light
     result    of the write job that was carried out
+    depth     whether the light also proves how far away it is, that is the match of the two spots
     """
 
     kind: Kind
@@ -41,6 +42,7 @@ class Verdict:
     theta: Array | None = None
     memory: bytes | None = None
     result: JobResult | None = None
+    depth: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,10 @@ class Outcome:
     ended_ns: int
 
     def sighting(self) -> Sighting | None:
-        """What goes into the keyframe of the exposure that showed the spot; None: no identity."""
+        """What goes into the keyframe of the exposure that showed the spot; None: no identity.
+
+        The laser is beside the left camera, so what it lights is the left spot's tag.
+        """
         verdict = self.verdict
         if verdict.kind != "identified" or verdict.tag is None:
             return None
@@ -64,7 +69,7 @@ class Outcome:
             id_by="laser",
             p_false=verdict.p_false,
             lease=self.lease,
-            z=self.target.z,
+            z=self.target.z if verdict.depth else self.target.left,
             memory=None if memory is None else memory[:MAX_MEMORY_BYTES],
         )
 
