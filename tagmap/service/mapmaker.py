@@ -23,6 +23,7 @@ from tagmap.service.solver import Solved
 from tagmap.store import Condensed, SessionPoses, SiteStore, Step
 
 if TYPE_CHECKING:
+    from tagmap.estimation.condensed import Condensed as Gaussian
     from tagmap.estimation.solution import SessionEstimate, Solution
     from tagmap.living.begin import Begun
 
@@ -43,6 +44,7 @@ class Mapmaker:
         self._facts = Facts()
         self._living: Living | None = None
         self._serial: int | None = None
+        self._stored: "Gaussian | None" = None
         self._marks: tuple[tuple[str, int], ...] | None = None
 
     def solve(self, from_nothing: bool) -> Solved:
@@ -74,6 +76,7 @@ class Mapmaker:
             return
         self._facts, self._serial, self._living = Facts(), serial, resumed(self._store)
         if self._living is not None:
+            self._stored = self._living.kept.condensed
             self._facts.cover(self._living.kept.covered)
 
     def _must_begin(self, from_nothing: bool) -> bool:
@@ -116,11 +119,21 @@ class Mapmaker:
         poses = [_poses(name, part) for name, parts in update.shed.items() for part in parts]
         halves = [half for one in update.solution.sessions for half in _halves(one, covered)]
         poses += [half for half in halves if half.alive]
-        has_more = sum(map(count, covered.values())) > self._facts.covered
-        step = Step(False, self._condensed() if has_more else None, update.T_new_old)
+        step = Step(False, self._condensed() if self._is_behind(update) else None, update.T_new_old)
         solution = replace(update.solution, solve_s=self._clock() - began_s)
         solution = self._with_lines(solution, self._facts.sessions(), update.doubts)
         return self._solved(solution, poses, step, False)
+
+    def _is_behind(self, update: Update) -> bool:
+        """Whether what is stored as condensed is not enough to go on from the next version.
+
+        A map that moved as a whole is stored with a serial of its own: should the version not come
+        to be, the poses that were to move with it have not.
+        """
+        assert self._living is not None
+        kept = self._living.kept
+        more = sum(map(count, kept.covered.values())) > self._facts.covered
+        return more or kept.condensed is not self._stored or update.T_new_old is not None
 
     def _with_lines(
         self, solution: "Solution", sessions: Sequence[SessionData], doubts: Sequence[str]
@@ -133,7 +146,7 @@ class Mapmaker:
         if self._living is None:
             return None
         kept = self._living.kept
-        self._serial = (self._serial or 0) + 1
+        self._serial, self._stored = (self._serial or 0) + 1, kept.condensed
         runs = [(*name, *run) for name, spans in kept.covered.items() for run in spans]
         return Condensed(self._serial, packed(kept), tuple(runs))
 

@@ -12,7 +12,10 @@ from tagmap.estimation.solution import Solution, TagEstimate
 from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import SessionData
 from tagmap.geometry.alignment import align
+from tagmap.living.kept import Kept
 from tagmap.living.spans import count, spans_of
+from tagmap.service import mapmaker
+from tagmap.service.resume import resumed
 from tagmap.store.check import check
 from tests.estimation.worlds import Drive, World, errors, hall, session
 from tests.living.site import Site
@@ -58,6 +61,13 @@ def _agree(found: Solution, expected: Solution, sigmas: float = 0.35, ratio: flo
     np.testing.assert_allclose(sigma, other, rtol=ratio)
     n = np.array([[one[name].n for name in sorted(a)] for one in (a, b)])
     np.testing.assert_allclose(n[0], n[1], rtol=0.05, atol=3)
+
+
+def _resumed(site: Site) -> Kept:
+    """What another solver would begin with."""
+    living = resumed(site.store)
+    assert living is not None
+    return living.kept
 
 
 def _sigma(tags: dict[str, TagEstimate]) -> Array:
@@ -185,6 +195,43 @@ def test_a_tag_that_somebody_moved_is_found_at_its_new_place(site: Site) -> None
         np.linalg.norm(tag.p - moved.at(name)) for name, tag in tags.items() if name != "tag8"
     ]
     assert max(others) < 0.05
+
+
+def test_what_was_forgotten_is_not_known_again_after_a_restart(site: Site) -> None:
+    """Also where nothing was condensed since."""
+    world = _world("planar")
+    moved = World(world.kind, world.p.copy())
+    moved.p[8] += [0.6, -0.4]
+    rng = np.random.default_rng(3)
+    before = session(world, Drive(n=400), rng, 1)[0]
+    after = session(moved, Drive(n=300), rng, 1, "after-that")[0]
+    site.survey(world.survey(SURVEYED, SURVEY_SIGMA_M), 1)
+    site.drive([before], 1, 400, LOT)
+    for last in range(20, 300, 20):
+        found = site.drive([after], last - 19, last, 20)
+        resumed = _resumed(site)
+        support = dict(zip(resumed.tags, resumed.support.tolist(), strict=True))
+        if support["tag8"] == 0:
+            break
+        assert support["tag8"] <= {tag.tag: tag.n for tag in found.tags}["tag8"]
+    assert support["tag8"] == 0
+
+
+def test_poses_follow_a_map_that_moved_when_its_version_was_lost(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A survey moves the map as a whole, the disk is full, and the solver goes on."""
+    world = _world("planar")
+    robot, T = session(world, Drive(n=420), np.random.default_rng(1), 1)
+    site.drive([robot], 1, 400, LOT)
+    monkeypatch.setattr(mapmaker, "MOST_FROM_NOTHING", 0)
+    site.survey(world.survey(SURVEYED, SURVEY_SIGMA_M), 1)
+    assert site.solve().step.T_new_old is not None
+    site.send([robot], 401, 420)
+    assert site.follow().gauge == "anchored"
+    (poses,) = site.store.poses()
+    errors_m = np.linalg.norm(poses.T[:, :2, 2] - T[poses.seqs - 1, :2, 2], axis=1)
+    assert errors_m.max() < 0.1
 
 
 def test_runs_of_seqs() -> None:
