@@ -44,7 +44,7 @@ class Mapmaker:
         self._facts = Facts()
         self._living: Living | None = None
         self._serial: int | None = None
-        self._stored: "Gaussian | None" = None
+        self._stored: Gaussian | None = None
         self._marks: tuple[tuple[str, int], ...] | None = None
 
     def solve(self, from_nothing: bool) -> Solved:
