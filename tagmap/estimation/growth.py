@@ -117,6 +117,7 @@ class _Growth:
             how=sighted.how[a:b],
             z=sighted.z[a:b],
         )
+        L, D, dof = np.zeros((n, 6, 6)), np.zeros((n, 6, 6)), self._problem.pose_dof
         rows, columns = packed.steps.row[start : stop - 1], packed.steps.columns[start : stop - 1]
         return kernel.Window(
             sighted=own,
@@ -134,8 +135,10 @@ class _Growth:
             next_step_weight=np.ones(n - 1),
             step_bound=robust.step_bound(self._problem.pose_dof),
             least_step=robust.LEAST_STEP,
-            L=np.zeros((n, 6, 6)),
-            D=np.zeros((n, 6, 6)),
+            L=L,
+            D=D,
+            own_L=L if dof == 6 else np.zeros((n, dof, dof)),
+            own_D=D if dof == 6 else np.zeros((n, dof, dof)),
             u=np.zeros((n, 6)),
             before=np.empty((n, 4, 4)),
             work=np.empty((6, 6)),

@@ -305,9 +305,15 @@ def _steps(problem: Problem) -> Steps:
     row[odometry.first] = np.arange(len(odometry.first))
     whiten, how = _distinct(odometry.whiten)
     information = np.zeros((len(whiten), 6, 6))
-    information[:, axes[:, None], axes] = np.swapaxes(whiten, -1, -2) @ whiten
+    own = np.swapaxes(whiten, -1, -2) @ whiten
+    information[:, axes[:, None], axes] = own
     return Steps(
-        row, _usable(poses_in_space(odometry.T)), how, information, _step_columns(odometry, n)
+        row=row,
+        T=_usable(poses_in_space(odometry.T)),
+        how=how,
+        information=information,
+        flat=own[:, *np.triu_indices(3)] if len(axes) == 3 else np.zeros((0, 6)),
+        columns=_step_columns(odometry, n),
     )
 
 

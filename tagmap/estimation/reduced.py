@@ -47,8 +47,8 @@ class Reduced:
 
     def __init__(self, system: System) -> None:
         self._system, self._preconditioner = system, Preconditioner(system)
-        n = system.problem.n_poses
-        self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
+        n, dof = system.problem.n_poses, system.problem.pose_dof
+        self._L, self._D = np.zeros((n, dof, dof)), np.zeros((n, dof, dof))
         self._u = np.zeros((n, 6))
         self._linear: Linear
         self._own = self._calibration = self._poses = self._rhs = np.zeros(0)

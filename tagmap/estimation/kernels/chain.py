@@ -4,6 +4,7 @@ One pass along the chains factors it, one forth and one back solve it.
 """
 
 from tagmap.conventions import Array
+from tagmap.estimation.kernels import plane
 from tagmap.estimation.kernels.layout import Linear
 from tagmap.estimation.kernels.small import (
     V,
@@ -62,7 +63,10 @@ def factor(linear: Linear, damping: float, L: Array, D: Array, S: Array) -> bool
     """L (N, 6, 6), with L[0] unused, and D (N, 6, 6), the inverse blocks; S (6, 6) is for work.
 
     False where A is not positive definite. damping: part by which diagonal entries are raised.
+    Where nothing leaves the plane L and D may be (N, 3, 3), of x, y and turn.
     """
+    if L.shape[1] == 3:
+        return plane.factor(linear, damping, L, D)
     diagonal, following = linear.diagonal, linear.following
     for i in range(len(diagonal)):
         for a in range(6):
@@ -90,6 +94,9 @@ def factor(linear: Linear, damping: float, L: Array, D: Array, S: Array) -> bool
 @compiled
 def solve(L: Array, D: Array, x: Array) -> None:
     """x (N, 6) <- A^-1 x."""
+    if L.shape[1] == 3:
+        plane.solve(L, D, x)
+        return
     for i in range(1, len(x)):
         for a in range(6):
             sum_ = 0.0

@@ -51,7 +51,8 @@ class Sighted(NamedTuple):
 class Steps(NamedTuple):
     """Odometry: row (N - 1,) is the measured step from pose i to i + 1, -1 for none.
 
-    T (E, 4, 4), how (E,): which of the information (U, 6, 6) a step has.
+    T (E, 4, 4), how (E,): which of the information (U, 6, 6) a step has. flat (U, 6): where all is
+    in a plane what that says of x, y and turn, an upper triangle row by row; else empty.
     columns (N - 1, 2): places of odometry scale and wheel base among the calibration unknowns, -1
     for none; (N - 1, 0) where no step has any.
     """
@@ -60,6 +61,7 @@ class Steps(NamedTuple):
     T: Array
     how: Index
     information: Array
+    flat: Array
     columns: Index
 
 

@@ -46,6 +46,11 @@ def scaled_matrix(f: float, A: M) -> M:
 
 
 @compiled
+def scaled_symmetric(f: float, A: S) -> S:
+    return f * A[0], f * A[1], f * A[2], f * A[3], f * A[4], f * A[5]
+
+
+@compiled
 def dot(a: V, b: V) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 

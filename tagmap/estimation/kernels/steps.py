@@ -3,6 +3,7 @@
 import math
 
 from tagmap.conventions import Array
+from tagmap.estimation.kernels import plane
 from tagmap.estimation.kernels.layout import Linear, Steps
 from tagmap.estimation.kernels.motion import (
     inverse_right_jacobian,
@@ -21,6 +22,7 @@ from tagmap.estimation.kernels.small import (
     product,
     scaled,
     scaled_matrix,
+    scaled_symmetric,
     subtract,
     sum_of,
     symmetric_times,
@@ -62,6 +64,18 @@ def linearise_steps(
             off[i, :, :] = 0.0
             new_weight[i], r2[i] = 1.0, 0.0
             continue
+        if len(steps.flat):
+            r, turn = plane.step_residual(T, i, steps.T, row)
+            F, n = steps.flat, steps.how[row]
+            flat = F[n, 0], F[n, 1], F[n, 2], F[n, 3], F[n, 4], F[n, 5]
+            square = dot(r, symmetric_times(flat, r))
+            f = _weight(weight[i], square, mu, c2, least)
+            cost += weight[i] * square
+            new_cost += f * square
+            r2[i], new_weight[i] = square, f
+            if model:
+                plane.add_step(i, r, turn, scaled_symmetric(f, flat), linear)
+            continue
         measured = steps.T[row]
         R_i, R_j, R_m = rotation_of(T[i]), rotation_of(T[i + 1]), rotation_of(measured)
         q = subtract(position_of(T[i + 1]), position_of(T[i]))
@@ -85,8 +99,7 @@ def linearise_steps(
         s = add(symmetric_times(vv, v), times(vw, w))
         u = add(transposed_times(vw, v), symmetric_times(ww, w))
         square = dot(s, v) + dot(u, w)
-        f = weight[i] if mu < 0.0 else truncated(square, c2, mu)
-        f = max(f, least) if square < math.inf else least
+        f = _weight(weight[i], square, mu, c2, least)
         cost += weight[i] * square
         new_cost += f * square
         r2[i], new_weight[i] = square, f
@@ -129,3 +142,9 @@ def linearise_steps(
         for a in range(3):
             g6[i, 3 + a] -= turned[a]
     return cost, new_cost
+
+
+@compiled
+def _weight(old: float, square: float, mu: float, c2: float, least: float) -> float:
+    f = old if mu < 0.0 else truncated(square, c2, mu)
+    return max(f, least) if square < math.inf else least

@@ -14,6 +14,7 @@ from tagmap.conventions import Array
 from tagmap.estimation.kernels.chain import factor, lever, solve
 from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
 from tagmap.estimation.kernels.motion import move_all, position_of, rotation_of, rotation_vector
+from tagmap.estimation.kernels.plane import lift
 from tagmap.estimation.kernels.sightings import (
     KEEP,
     by_point,
@@ -58,7 +59,8 @@ class Window(NamedTuple):
     hold (6, 6): information on the first pose about T_hold (4, 4), along the axes of the map.
     pins (6,): see tagmap.estimation.packing. ones (max(K, n),); r2, weight, next_weight (K,);
     step_r2, step_weight, next_step_weight (n - 1,); L, D (n, 6, 6); u (n, 6);
-    before (n, 4, 4); work (6, 6).
+    before (n, 4, 4); work (6, 6). own_L, own_D: L and D, or (n, 3, 3) where nothing leaves the
+    plane.
     """
 
     sighted: Sighted
@@ -78,6 +80,8 @@ class Window(NamedTuple):
     least_step: float
     L: Array
     D: Array
+    own_L: Array
+    own_D: Array
     u: Array
     before: Array
     work: Array
@@ -97,6 +101,15 @@ def localise(window: Window, T: Array, p: Array, information: Array, mu_step: fl
     p (M, 3), NaN where not known, with information (M, 3, 3). Weights sharpen as in
     tagmap.estimation.optimise. False where nothing determines the window.
     """
+    good = _localise(window, T, p, information, mu_step)
+    if window.own_L.shape[1] == 3:
+        lift(window.own_L, 0.0, window.L)
+        lift(window.own_D, 1.0, window.D)
+    return good
+
+
+@compiled
+def _localise(window: Window, T: Array, p: Array, information: Array, mu_step: float) -> bool:
     linear, weight, u = window.linear, window.weight, window.u
     n, k = len(T), len(window.r2)
     window.step_weight[:] = 1.0
@@ -106,12 +119,12 @@ def localise(window: Window, T: Array, p: Array, information: Array, mu_step: fl
     window.step_weight[:] = window.next_step_weight
     damping = 1e-9
     for _ in range(_MOST_STEPS):
-        if not factor(linear, damping, window.L, window.D, window.work):
+        if not factor(linear, damping, window.own_L, window.own_D, window.work):
             return False
         for i in range(n):
             for a in range(6):
                 u[i, a] = -linear.pose_gradient[i, a]
-        solve(window.L, window.D, u)
+        solve(window.own_L, window.own_D, u)
         predicted = 0.0
         for i in range(n):
             for a in range(6):
