@@ -21,6 +21,8 @@ from tagmap.geometry.alignment import align
 
 # Less than any tag is known by.
 STILL_M = 1e-5
+# Up to here a turn is told well enough by the moment of the motion.
+FIRST_ORDER_RAD = 0.3
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,10 @@ class Condensed:
         each = np.flatnonzero(self.rows == self.columns)
         return self.rows[each], self.blocks[each]
 
+    @cached_property
+    def _form(self) -> "Form":
+        return Form.of(self)
+
     def times(self, x: Array) -> Array:
         """H x (M, 3) of x (M, 3): of the tags alone."""
         out = np.zeros_like(x)
@@ -78,10 +84,10 @@ class Condensed:
         left of them. Taken as it was, it would resist when the map as a whole is turned far.
         """
         d = p.shape[1]
-        tags, blocks = self.own
-        weights = np.trace(blocks, axis1=1, axis2=2)
-        heavy = weights > 0.0
-        tags, weights = tags[heavy], weights[heavy]
+        form = self._form
+        tags, weights = form.tags, form.weights
+        if not len(tags) or form.is_still(p[tags]):
+            return self
         fit = align(self.p[tags, :d], p[tags], weights)
         if not fit.determined or _is_small(fit.T_b_a, self.p[tags, :d]):
             return self
@@ -163,6 +169,49 @@ class Condensed:
             calibration_pull=self.calibration_pull + by_unknown,
             cost=float(self.cost + along),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """The tags as one body: tags (n,) that count, and by how much, weights (n,).
+
+    centred (n, 3): from their middle; moments (3, n): of mass; inertia (3, 3).
+    """
+
+    tags: Index
+    weights: Array
+    centred: Array
+    p: Array
+    moments: Array
+    inertia: Array
+
+    @classmethod
+    def of(cls, condensed: Condensed) -> "Form":
+        tags, blocks = condensed.own
+        weights = np.trace(blocks, axis1=1, axis2=2)
+        heavy = weights > 0.0
+        tags, weights = tags[heavy], weights[heavy]
+        share, p = weights / max(weights.sum(), np.finfo(float).tiny), condensed.p[tags]
+        centred = p - share @ p
+        spread = centred.T @ (share[:, None] * centred)
+        inertia = np.trace(spread) * np.eye(3) - spread
+        return cls(tags, weights, centred, p, (share[:, None] * centred).T, inertia)
+
+    def is_still(self, p: Array) -> bool:
+        """Whether the body's turn to p (n, d) is one to first order for certain, to STILL_M.
+
+        To first order it is the moment of the motion by the moment of inertia.
+        """
+        moved = np.zeros_like(self.p)
+        moved[:, : p.shape[1]] = p - self.p[:, : p.shape[1]]
+        M = self.moments @ moved
+        moment = np.array([M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0]])
+        least = np.linalg.eigvalsh(self.inertia)[0]
+        far_m, most_m = np.abs(self.centred).max(), np.abs(moved - moved[0]).max()
+        if not most_m * far_m < FIRST_ORDER_RAD * least:
+            return False
+        turn = np.linalg.solve(self.inertia, moment)
+        return bool(0.5 * far_m * (turn @ turn) < STILL_M)
 
 
 def _is_small(T: Array, p: Array) -> bool:

@@ -27,9 +27,10 @@ def rigid_motions(problem: Problem, p: Array) -> Array:
 
 def motions_of(kind: Kind, p: Array) -> Array:
     """The same of points p (M, 3) alone: (3 M, g)."""
-    centred = p - p.mean(axis=0)
-    axes = np.eye(3)
-    shifts, turns = (axes[:2], axes[2:]) if kind == "planar" else (axes, axes)
-    columns = [np.tile(axis, len(p)) for axis in shifts]
-    columns += [np.cross(axis, centred).ravel() for axis in turns]
-    return np.stack(columns, axis=1)
+    x, y, z = (p - p.mean(axis=0)).T
+    columns = np.zeros((len(p), 3, 6))
+    columns[:, range(3), range(3)] = 1.0
+    columns[:, 2, 3], columns[:, 0, 4], columns[:, 1, 5] = y, z, x
+    columns[:, 1, 3], columns[:, 2, 4], columns[:, 0, 5] = -z, -x, -y
+    motions = columns.reshape(-1, 6)
+    return motions[:, [0, 1, 5]] if kind == "planar" else motions

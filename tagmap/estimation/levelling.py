@@ -20,14 +20,16 @@ def is_held(problem: Problem) -> bool:
     return len(problem.surveyed) > 0
 
 
-def level(condensed: Condensed, kind: Kind, p: Array) -> Condensed:
-    """About p (M, 3); the pull along rigid motions is taken out."""
+def level(
+    condensed: Condensed, kind: Kind, p: Array, calibration: Array | None = None
+) -> Condensed:
+    """About p (M, 3), calibration (Q,) or where it was; nothing pulls along rigid motions."""
     there = condensed.aligned(p if kind == "spatial" else p[:, :2])
-    here = there.about(p, there.calibration)
-    tags, _ = here.own
+    here = there.about(p, there.calibration if calibration is None else calibration)
+    tags, _ = there.own
     if not len(tags):
         return here
     motions, pull = motions_of(kind, p[tags]), here.pull.copy()
-    along = np.linalg.pinv(motions.T @ motions) @ (motions.T @ pull[tags].ravel())
+    along = np.linalg.pinv(motions.T @ motions, hermitian=True) @ (motions.T @ pull[tags].ravel())
     pull[tags] -= (motions @ along).reshape(-1, 3)
     return replace(here, pull=pull)

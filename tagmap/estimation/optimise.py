@@ -25,7 +25,8 @@ MANY_PRODUCTS = 25
 # Gauss-Newton steps shrink ever faster, but for what conjugate gradients leave: with margins.
 MORE, SURE = 10.0, 0.1
 # Of what may be left in all: a preconditioner of another point judges what is left by too little.
-LEFT_BY_STEP = 0.01
+# What nobody confirms may be left to the next solve of a map that lives on.
+LEFT_BY_STEP, LEFT_UNCONFIRMED = 0.01, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +145,8 @@ class Optimiser:
                 gain = self._options.tolerance * max(point.cost, 1.0)
                 if self._sharp and self._reduced.bound() <= gain:
                     return point, True
-                step = self._reduced.step(LEFT_BY_STEP * gain)
+                left = LEFT_BY_STEP if self._options.confirm else LEFT_UNCONFIRMED
+                step = self._reduced.step(left * gain)
                 self._products = step.products
                 self.products += step.products
                 if self._sharp and step.predicted <= gain:

@@ -92,6 +92,9 @@ class System:
             {name: np.empty_like(sum_) for name, sum_ in _sums(self._room).items()}
             for _ in self.shares.all[1:]
         ]
+        if problem.condensed is not None:
+            pairs = problem.condensed
+            self._own_pairs = np.flatnonzero(pairs.rows == pairs.columns)
         surveyed, d = problem.surveyed, problem.tag_dof
         self._survey = np.zeros((len(surveyed), 3, 3))
         self._survey[:, :d, :d] = np.swapaxes(surveyed.whiten, -1, -2) @ surveyed.whiten
@@ -235,14 +238,15 @@ class System:
         if condensed is None:
             return 0.0
         if is_held(self.problem):
-            condensed = level(condensed, self.problem.kind, values.p)
-        here = condensed.about(values.p, values.calibration)
+            here = level(condensed, self.problem.kind, values.p, values.calibration)
+        else:
+            here = condensed.about(values.p, values.calibration)
         linear.tag_gradient[:] += here.pull
         linear.calibration_gradient[:] += here.calibration_pull
-        tags, own = condensed.own
-        linear.tag_diagonal[tags] += own
-        linear.tag_calibration[:] += condensed.across
-        linear.calibration[:] += condensed.corner
+        tags, _ = condensed.own
+        linear.tag_diagonal[tags] += here.blocks[self._own_pairs]
+        linear.tag_calibration[:] += here.across
+        linear.calibration[:] += here.corner
         return here.cost
 
     def _add_calibration_prior(self, linear: Linear, values: Values) -> Array:

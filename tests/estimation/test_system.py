@@ -94,7 +94,8 @@ def test_normal_equations_are_the_dense_ones(problem_and_start: tuple[Problem, S
     problem = _with_condensed(problem)
     if is_held(problem):
         assert problem.condensed is not None
-        here = level(problem.condensed, problem.kind, tags_in_space(state.p))
+        p = tags_in_space(state.p)
+        here = level(problem.condensed, problem.kind, p, state.calibration)
         problem = replace(problem, condensed=here)
     _is_the_dense_one(problem, state, dense.halved(Weights.ones(problem)))
 
