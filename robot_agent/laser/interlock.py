@@ -142,8 +142,8 @@ class Interlock:
             why = self._objection(0.0)
             if self._from_ns is not None and self._clocks[0]() >= self._until_ns:
                 why = why or "the window is over"
-            if why is not None or not self._surely_dark:
-                self._darken(why or "not known to be dark")
+            if why is not None or self._from_ns is None:
+                self._darken(why or DONE)
             return why
 
     def dark(self) -> None:

@@ -39,6 +39,8 @@ def bench():
 
 def test_a_window_is_as_long_as_asked(bench):
     bench.lit().passes(0.099)
+    assert bench.interlock.check() is None
+    assert bench.interlock.is_lit()
     assert bench.device.is_on()
     bench.passes(0.002)
     assert not bench.device.is_on()
