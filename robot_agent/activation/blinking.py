@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_agent.activation.aimer import Aimer, Place
+from robot_agent.activation.aimer import Aimer, Place, Places
 from robot_agent.activation.commands import Act, Allow, Dark, Denied, Light, Listen, Wait
-from robot_agent.activation.memory import Work, at_the_tag
-from robot_agent.activation.shot import silence
+from robot_agent.activation.memory import Work
+from robot_agent.activation.shot import identified, silence
+from robot_agent.activation.sides import BOTH, sides
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Verdict
 from robot_agent.activation.window import turn_to
@@ -17,6 +18,8 @@ from tagmap.arbitration.blink import Blink, BlinkRules, Reading
 
 LEAD_S, GUARD_S = 0.03, 0.01
 """To turn the mirrors before the first slot; for the line to the reader at the end of each."""
+AFTER_S = 1.0
+"""In steady light after a code that was followed: the depth, and the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ def blink(
         if found.failed:
             return Verdict("timeout", found.failed, shots)
         if not found.silent:
-            verdict = yield from _judged(aimer, code, found, place, work)
+            verdict = yield from _judged(aimer, code, found, places, place, work)
             return replace(verdict, shots=shots)
     return silence(rules, target, shots)
 
@@ -107,20 +110,25 @@ def _slot(rules: BlinkRules, begin_ns: int, on: bool) -> Act[list[Reading] | str
     return [Reading(tag.epc, listen_ns) for tag in reply.value.tags]
 
 
-def _judged(aimer: Aimer, code: Blink, found: _Round, place: Place, work: Work) -> Act[Verdict]:
+def _judged(
+    aimer: Aimer, code: Blink, found: _Round, places: Places, place: Place, work: Work
+) -> Act[Verdict]:
     judged = code.judge(found.readings)
     if judged.tag is None:
         return Verdict("ambiguous", judged.reason or "nothing follows the code")
     p_false = place.p_beside + judged.p_false
     if p_false > aimer.rules.most_p_false:
         return Verdict("ambiguous", f"{judged.tag} is another with probability {p_false:.1g}")
-    end_ns = found.now_ns + SECOND_NS
+    end_ns = found.now_ns + round(AFTER_S * SECOND_NS)
     yield Allow(lambda now_ns, s: now_ns + round(s * SECOND_NS) <= end_ns, None)
-    if why := (yield from turn_to(place.steps)):
-        return Verdict("timeout", why)
-    done = yield from at_the_tag(aimer.rules, judged.tag, work)
-    yield Dark()
-    said = done.trouble or "follows the code"
-    return Verdict(
-        "identified", said, 0, judged.tag, p_false, place.theta, done.memory, done.result
+    seen = yield from sides(aimer.rules, places, place, judged.tag)
+    if seen.failed or seen.others:
+        # The code has proved whose tag it is; what disturbs now leaves the depth open.
+        seen = replace(seen, lit=0)
+        yield from turn_to(place.steps)
+    depth = seen.lit == BOTH
+    verdict = yield from identified(
+        aimer.rules, place, judged.tag, p_false, "follows the code", depth, work
     )
+    yield Dark()
+    return verdict

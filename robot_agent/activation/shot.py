@@ -1,17 +1,15 @@
 """A shot under a lease: search, prove, read, write. Drawn in docs/activation.md."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from robot_agent.activation.aimer import Aimer, Place, Places
 from robot_agent.activation.commands import Act, Dark
 from robot_agent.activation.memory import Work, at_the_tag
 from robot_agent.activation.rules import ShotRules
+from robot_agent.activation.sides import BOTH, sides
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Verdict, distance_m
 from robot_agent.activation.window import Window, dark, light_up, turn_to
-
-SIDES = 2
 
 
 @dataclass(slots=True)
@@ -47,14 +45,9 @@ def _search(shot: _Shot, target: Target, places: Places, work: Work) -> Act[Verd
             return Verdict("timeout", window.failed)
         if window.alone:
             return (yield from _prove(shot, places, place, window.alone, work))
-        if is_crowd(window.heard):
+        if window.often:
             return Verdict("ambiguous", f"{', '.join(sorted(window.heard))} answer at once")
     return silence(rules, target, shot.shots)
-
-
-def is_crowd(heard: Mapping[str, int]) -> bool:
-    """Whether a tag was among what was heard in all tries; else it was noise, heard once each."""
-    return any(count > 1 for count in heard.values())
 
 
 def silence(rules: ShotRules, target: Target, shots: int) -> Verdict:
@@ -79,42 +72,36 @@ def _prove(shot: _Shot, places: Places, place: Place, tag: str, work: Work) -> A
         return Verdict("timeout", window.failed)
     if tag in window.heard:
         return Verdict("ambiguous", f"{tag} answers in the dark as well")
-    again = 0
-    # Wherever the depth is right, the tag is lit from both sides; if from none, it has to be again
-    # from where it was lit first.
-    for other in (*places.abreast(place), place):
-        if other is place and again:
-            break
-        window = yield from _at(shot, other)
+    seen = yield from sides(rules, places, place, tag)
+    shot.shots += seen.shots
+    if seen.failed:
+        return Verdict("timeout", seen.failed)
+    if seen.others:
+        return Verdict("ambiguous", f"{tag} answered first, then {seen.others}")
+    if not seen.lit:
+        window = yield from _look(shot)
         if window.failed:
             return Verdict("timeout", window.failed)
-        if window.heard and window.alone != tag and is_crowd(window.heard):
-            return Verdict("ambiguous", f"{tag} answered first, then {_names(window)}")
-        again += window.alone == tag
-    if not again:
-        return Verdict("ambiguous", f"{tag} answered first, then {_names(window)}")
-    if again < SIDES and window.alone != tag and (why := (yield from turn_to(place.steps))):
-        return Verdict("timeout", why)
+        if window.alone != tag:
+            then = ", ".join(sorted(window.heard)) or "nothing"
+            return Verdict("ambiguous", f"{tag} answered first, then {then}")
     p_false = place.p_beside + rules.p_stray**2
+    said = "alone in the light, silent in the dark"
+    return (yield from identified(rules, place, tag, p_false, said, seen.lit == BOTH, work))
+
+
+def identified(
+    rules: ShotRules, place: Place, tag: str, p_false: float, said: str, depth: bool, work: Work
+) -> Act[Verdict]:
+    """With what there is to do at the tag."""
     done = yield from at_the_tag(rules, tag, work)
-    said = done.trouble or "alone in the light, silent in the dark"
     return Verdict(
         "identified",
-        said,
+        done.trouble or said,
         tag=tag,
         p_false=p_false,
         theta=place.theta,
         memory=done.memory,
         result=done.result,
-        depth=again == SIDES,
+        depth=depth,
     )
-
-
-def _names(window: Window) -> str:
-    return ", ".join(sorted(window.heard)) or "nothing"
-
-
-def _at(shot: _Shot, place: Place) -> Act[Window]:
-    if why := (yield from turn_to(place.steps)):
-        return Window({}, why)
-    return (yield from _look(shot))

@@ -18,8 +18,13 @@ class Window:
     failed: str | None = None
 
     @property
+    def often(self) -> list[str]:
+        """What was heard more than once, be it in several tries: the rest may be no tags."""
+        return sorted(tag for tag, count in self.heard.items() if count > 1)
+
+    @property
     def alone(self) -> str | None:
-        """The one tag that answered, and more than once: what was heard once may be no tag."""
+        """The one tag that answered, and more than once."""
         if len(self.heard) != 1:
             return None
         ((tag, count),) = self.heard.items()

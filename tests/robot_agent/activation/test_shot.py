@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_agent.activation.commands import Aim, Dark, Light, Listen
+from robot_agent.activation.commands import Aim, Dark, Denied, Light, Listen
 from robot_agent.activation.memory import Work
 from robot_agent.activation.shot import shoot
 from robot_agent.activation.verdict import Outcome
@@ -160,3 +160,19 @@ def test_out_of_reach_of_the_mirrors():
 def test_memories_can_be_left_alone():
     aimer = replace(AIMER, rules=replace(AIMER.rules, memory_s=0.0))
     assert shot(Air({ONE: HERE}, memory={ONE: [1]}), aimer=aimer).memory is None
+
+
+def test_a_side_beyond_the_sector_proves_nothing():
+    """The place itself is within: identified, its depth in doubt."""
+    air = Air({ONE: HERE})
+    first = []
+
+    def sector(command):
+        if isinstance(command, Aim):
+            first.append(command.steps)
+            return Denied("bearing") if command.steps != first[0] else None
+        return None
+
+    air.denies = sector
+    verdict = shot(air)
+    assert (verdict.kind, verdict.tag, verdict.depth) == ("identified", ONE, False)

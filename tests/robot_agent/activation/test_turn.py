@@ -83,6 +83,7 @@ def test_without_the_service_it_asks_for_3_s_and_then_blinks():
     assert (outcome.verdict.kind, outcome.verdict.tag, outcome.lease) == ("identified", ONE, None)
     assert 1e-5 < outcome.verdict.p_false < 1e-3
     assert len(air.did(Light)) >= 8
+    assert outcome.sighting().z.form == "stereo_px"
 
 
 def alone(air):
