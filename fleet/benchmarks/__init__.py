@@ -16,4 +16,5 @@ NAMES = (
     "estimation",
     "scanner",
     "tag_memory",
+    "activation",
 )

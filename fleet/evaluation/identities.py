@@ -13,6 +13,7 @@ class Judged:
     """
     kinds      how many verdicts of each kind
     wrong      identities of which the tag is not the left spot's; the laser is beside that camera
+    foreign    wrong ones of targets that are one tag: another robot's, a neighbour's, a phantom
     right      identities of which it is
     mismatched   right ones with a depth that is wrong: the right spot is another tag's
     depths     right ones with a depth
@@ -22,6 +23,7 @@ class Judged:
 
     kinds: Counter[str]
     wrong: int
+    foreign: int
     right: int
     mismatched: int
     depths: int
@@ -38,7 +40,7 @@ class Judged:
 
 def judge(all_of: Iterable[Shots]) -> Judged:
     kinds: Counter[str] = Counter()
-    wrong = right = mismatched = depths = missed = 0
+    wrong = foreign = right = mismatched = depths = missed = 0
     shot_s: list[float] = []
     for shots in all_of:
         for outcome in shots.outcomes:
@@ -48,12 +50,14 @@ def judge(all_of: Iterable[Shots]) -> Judged:
                 is_right = outcome.verdict.tag == left_tag(shots, outcome)
                 right += is_right
                 wrong += not is_right
+                foreign += tag is not None and not is_right
+                foreign += outcome.verdict.tag not in shots.epcs
                 depths += is_right and outcome.verdict.depth
                 mismatched += is_right and outcome.verdict.depth and tag is None
                 shot_s.append(1e-9 * (outcome.ended_ns - outcome.began_ns))
             if outcome.verdict.kind == "false_match":
                 missed += tag is not None and shots.epcs.index(tag) not in shots.seen.blocked
-    return Judged(kinds, wrong, right, mismatched, depths, missed, tuple(shot_s))
+    return Judged(kinds, wrong, foreign, right, mismatched, depths, missed, tuple(shot_s))
 
 
 def left_tag(shots: Shots, outcome: Outcome) -> str | None:

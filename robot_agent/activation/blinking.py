@@ -116,7 +116,7 @@ def _judged(
     judged = code.judge(found.readings)
     if judged.tag is None:
         return Verdict("ambiguous", judged.reason or "nothing follows the code")
-    p_false = place.p_beside + judged.p_false
+    p_false = place.p_beside + aimer.rules.p_match + judged.p_false
     if p_false > aimer.rules.most_p_false:
         return Verdict("ambiguous", f"{judged.tag} is another with probability {p_false:.1g}")
     end_ns = found.now_ns + round(AFTER_S * SECOND_NS)

@@ -85,7 +85,7 @@ def _prove(shot: _Shot, places: Places, place: Place, tag: str, work: Work) -> A
         if window.alone != tag:
             then = ", ".join(sorted(window.heard)) or "nothing"
             return Verdict("ambiguous", f"{tag} answered first, then {then}")
-    p_false = place.p_beside + rules.p_stray**2
+    p_false = place.p_beside + rules.p_match + rules.p_stray**2
     said = "alone in the light, silent in the dark"
     return (yield from identified(rules, place, tag, p_false, said, seen.lit == BOTH, work))
 

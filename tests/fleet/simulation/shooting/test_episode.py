@@ -1,6 +1,7 @@
-"""Simulated activations: no wrong identity under leases, and none believed that is ambiguous."""
+"""Simulated activations: no wrong identity under leases, and none believed that is ambiguous.
 
-import pytest
+`fleet bench activation` plays ten thousand.
+"""
 
 from fleet.evaluation.identities import judge
 from fleet.simulation.shooting.episode import Setting, play
@@ -9,7 +10,6 @@ from fleet.simulation.shooting.view import Clutter
 from tagmap.records.lease import LeaseReply
 
 SAMPLE = 12
-FULL = 400
 CROWDED = Clutter(hidden_left=0.15, hidden_right=0.15, apart_m=0.06, cluster=0.5)
 
 
@@ -27,7 +27,7 @@ def judged(setting, episodes, first=0):
 def test_with_leases_no_identity_is_wrong():
     found = judged(Setting(), SAMPLE)
     assert found.activations > 200
-    assert (found.wrong, found.missed) == (0, 0)
+    assert (found.wrong, found.foreign, found.missed) == (0, 0, 0)
     assert found.share("identified") > 0.7
     assert found.kinds["false_match"] > 10, "there are false matches to find"
 
@@ -59,10 +59,3 @@ def test_robots_that_shoot_whenever_they_like_hear_each_other(monkeypatch):
     monkeypatch.setattr(Service, "of", lambda *_: lambda *_: lease)
     found = judged(Setting(), 4)
     assert found.wrong + found.kinds["ambiguous"] > 5
-
-
-@pytest.mark.slow
-def test_ten_thousand_activations_with_leases():
-    found = judged(Setting(), FULL, first=1000)
-    assert found.activations >= 10_000
-    assert found.wrong == 0
