@@ -28,7 +28,7 @@ from tagmap.estimation.kernels.small import (
     transpose,
     transposed_times,
 )
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, inlined
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -91,7 +91,7 @@ def sensor_of(sighted: Sighted, block: int, calibration: Array) -> Sensor:
     return Sensor(scale, disparity, delay, R, t, A, B)
 
 
-@compiled
+@inlined
 def mount_of(sighted: Sighted, k: int, sensor: Sensor, T_cam_base: Array) -> tuple[M, V]:
     """R and t of the camera as it is, from base at the time stamp: exp(-c) T exp(-delay twist)."""
     R = product(sensor.R, rotation_of(T_cam_base))
@@ -104,13 +104,13 @@ def mount_of(sighted: Sighted, k: int, sensor: Sensor, T_cam_base: Array) -> tup
     return product(R, R_moved), add(times(R, t_moved), t)
 
 
-@compiled
+@inlined
 def _twist(sighted: Sighted, k: int) -> tuple[V, V]:
     twist = sighted.twist
     return (twist[k, 0], twist[k, 1], twist[k, 2]), (twist[k, 3], twist[k, 4], twist[k, 5])
 
 
-@compiled
+@inlined
 def add_sensor(
     sighted: Sighted,
     k: int,
@@ -168,7 +168,7 @@ def add_sensor(
                 linear.calibration[other, column] += both
 
 
-@compiled
+@inlined
 def slot_of(linear: Linear, pose: int, column: int) -> int:
     """Which of the pose's slots is that column."""
     slot = 0
@@ -177,7 +177,7 @@ def slot_of(linear: Linear, pose: int, column: int) -> int:
     return slot
 
 
-@compiled
+@inlined
 def _motion(
     sighted: Sighted,
     k: int,
