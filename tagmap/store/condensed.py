@@ -24,12 +24,9 @@ def replace(db: Connection, version: int, condensed: Condensed | None) -> None:
 
 def read(db: Connection) -> Condensed | None:
     """Of one moment, whatever is written meanwhile."""
-    db.execute("BEGIN")
-    try:
+    with db.snapshot():
         row = db.row("SELECT serial, content FROM condensed")
         return None if row is None else Condensed(row[0], row[1], tuple(db.rows(_COVERED)))
-    finally:
-        db.execute("ROLLBACK")
 
 
 def read_serial(db: Connection) -> int | None:

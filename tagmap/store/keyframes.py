@@ -72,10 +72,12 @@ def stored_rows(db: Connection) -> Iterator[tuple[Row, list[Row]]]:
 
 
 def _page(db: Connection, query: str, values: Values) -> list[tuple[Row, list[Row]]]:
-    rows = db.rows(query, values)
+    """Of one moment: keyframes leave together with their sightings."""
     sightings: dict[int, list[Row]] = defaultdict(list)
-    for row in db.rows(_SIGHTINGS.format(", ".join(str(row[0]) for row in rows))):
-        sightings[row[0]].append(row)
+    with db.snapshot():
+        rows = db.rows(query, values)
+        for row in db.rows(_SIGHTINGS.format(", ".join(str(row[0]) for row in rows))):
+            sightings[row[0]].append(row)
     return [(row, sightings[row[0]]) for row in rows]
 
 

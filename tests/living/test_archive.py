@@ -13,8 +13,9 @@ from tagmap.estimation.stack import SessionData
 from tagmap.mapping.draft import Arrival
 from tagmap.records import encode
 from tagmap.service.restore import restore
-from tagmap.store import Batch, Keep
+from tagmap.store import Batch, Keep, SiteStore
 from tagmap.store.check import check
+from tagmap.store.connection import Row, Values
 from tests.estimation.worlds import Drive, errors, hall, session
 from tests.living.site import Site
 from tests.living.test_following import SURVEY_SIGMA_M, SURVEYED
@@ -42,6 +43,28 @@ def _let_go(site: Site) -> int:
     while went := site.store.archive(KEEP):
         total += went
     return total
+
+
+def test_who_reads_while_keyframes_leave_sees_them_with_their_sightings(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robots = _robots(500)
+    site.send(robots, 1, 500)
+    site.follow()
+    expected = {k.seq: k for k in robots[0].keyframes}
+    with SiteStore.open(site.path, read_only=True) as reader:
+        rows, asked = reader._db.rows, []
+
+        def interrupted(sql: str, values: Values = ()) -> list[Row]:
+            asked.append(sql)
+            if len(asked) == 2:
+                assert _let_go(site) == 300
+            return rows(sql, values)
+
+        monkeypatch.setattr(reader._db, "rows", interrupted)
+        found = [k for _, k in reader.keyframes() if k.robot == "r1"]
+    assert len(asked) > 2
+    assert all(k == expected[k.seq] for k in found)
 
 
 def test_only_what_is_condensed_leaves(site: Site) -> None:
