@@ -31,7 +31,7 @@ def _without(condensed: Condensed, tag: int) -> Condensed:
     pull, across = condensed.pull.copy(), condensed.across.copy()
     g = pull[tag].copy()
     pull[others] -= (h @ inverse @ g).reshape(-1, 3)
-    across[others] -= (h @ inverse @ a).reshape(len(others), 3, -1)
+    across[others] -= (h @ inverse @ a).reshape(len(others), 3, a.shape[1])
     pull[tag], across[tag] = 0.0, 0.0
     kept = (condensed.rows != tag) & (condensed.columns != tag)
     fill = _pairs(others, (h @ inverse @ h.T).reshape(len(others), 3, len(others), 3))
