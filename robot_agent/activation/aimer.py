@@ -16,6 +16,7 @@ from tagmap.geometry.scanner.scanner import Scanner, point
 
 NEARER = 0.9
 ABREAST = 0.6
+SURE_SIGMAS = 2.5
 """Of the reach: where the depth is right it is lit from there too, if aimed well."""
 
 
@@ -86,12 +87,19 @@ class Places:
         doubt = p_beside(self.search, offset_m, self.others_m, aimer.rules.reach_m)
         return Place(steps, angles_of(aimer.drive, np.array(steps)), offset_m, doubt)
 
-    def abreast(self, place: Place) -> list[Place]:
+    @property
+    def is_sharp(self) -> bool:
+        """Whether the aim is so good that a beam ABREAST of the target lights it all the same."""
+        sigma_m = float(np.sqrt(np.linalg.eigvalsh(self.search.cov_m)[-1]))
+        return SURE_SIGMAS * sigma_m <= (1.0 - ABREAST) * self.aimer.rules.reach_m
+
+    def abreast(self, place: Place, across: bool = False) -> list[Place]:
         """To both sides of a place, where a tag at another depth on the same ray of the left camera
-        would come to lie."""
+        would come to lie; or `across` that, where no tag on that ray comes to lie."""
         scanner, p_cam = self.aimer.scanner, self.target.p_cam
         nearer = point(scanner, self.aims.theta, NEARER * p_cam).off
         shift = nearer - point(scanner, self.aims.theta, p_cam).off
+        shift = np.array([-shift[1], shift[0]]) if across else shift
         step_m = ABREAST * self.aimer.rules.reach_m * shift / np.sqrt((shift**2).sum())
         sides = [self.beside(place.offset_m + side * step_m) for side in (1.0, -1.0)]
         return [side for side in sides if side is not None]

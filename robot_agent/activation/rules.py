@@ -33,7 +33,7 @@ class ShotRules:
     search_sigmas: float = 3.5
     tries: int = 3
     p_stray: float = 1e-3
-    p_match: float = 7e-4
+    p_match: float = 4e-4
     most_p_false: float = 1e-3
     ask_s: float = 0.3
 
@@ -44,5 +44,5 @@ class ShotRules:
 
     @property
     def proof_s(self) -> float:
-        """The first window that is not silent, the dark one, one to each side, and the memory."""
-        return 4.0 * self.shot_s + self.memory_s
+        """The first window that is not silent, the dark one, one to each of four sides, memory."""
+        return 6.0 * self.shot_s + self.memory_s

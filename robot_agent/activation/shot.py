@@ -85,6 +85,13 @@ def _prove(shot: _Shot, places: Places, place: Place, tag: str, work: Work) -> A
         if window.alone != tag:
             then = ", ".join(sorted(window.heard)) or "nothing"
             return Verdict("ambiguous", f"{tag} answered first, then {then}")
+    if places.is_sharp:
+        across = yield from sides(rules, places, place, tag, across=True)
+        shot.shots += across.shots
+        if across.failed:
+            return Verdict("timeout", across.failed)
+        if across.lit < min(BOTH, across.shots) or across.others:
+            return Verdict("ambiguous", f"{tag} is not on the ray of the left spot")
     p_false = place.p_beside + rules.p_match + rules.p_stray**2
     said = "alone in the light, silent in the dark"
     return (yield from identified(rules, place, tag, p_false, said, seen.lit == BOTH, work))

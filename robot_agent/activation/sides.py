@@ -29,10 +29,12 @@ class Sides:
     failed: str | None = None
 
 
-def sides(rules: ShotRules, places: Places, place: Place, tag: str) -> Act[Sides]:
+def sides(
+    rules: ShotRules, places: Places, place: Place, tag: str, across: bool = False
+) -> Act[Sides]:
     """The mirrors stand at the place again afterwards, in the dark."""
     lit = shots = 0
-    for side in places.abreast(place):
+    for side in places.abreast(place, across):
         if (yield from turn_to(side.steps)):
             # Beyond the sector: that side proves nothing.
             continue
