@@ -58,7 +58,7 @@ def test_a_match_of_two_tags_has_no_depth():
 
 
 def test_a_tag_beside_the_ray_of_the_left_spot():
-    """As the right spot's tag is, where that was matched with a lamp: lit, but not from all sides."""
+    """As the right spot's is, where that was matched with a lamp: lit, but not from all sides."""
     air = Air({ONE: (0.2915, 0.1855, 4.0)})
     verdict = shot(air)
     assert (verdict.kind, verdict.tag) == ("ambiguous", None)
