@@ -115,6 +115,8 @@ class Living:
             if advance is not None:
                 self._shed(advance.settled, gone)
             advance = self._advance(alive_of(lot, self.kept), surveys)
+            if not np.isfinite(self.kept.p).any() and np.isfinite(before.p).any():
+                raise np.linalg.LinAlgError("with these keyframes nothing is left of the map")
         assert advance is not None, "an update needs keyframes"
         settled = advance.settled
         settled = replace(settled, marginals=Marginals(settled.problem, settled.optimum))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagmap.estimation.stack import SessionData
+from tagmap.estimation.stack import SessionData, SurveyedTag
 from tagmap.living.codec import packed
 from tagmap.living.kept import Name, Poses
 from tagmap.living.living import Living, Update
@@ -96,7 +96,11 @@ class Mapmaker:
 
     def _begin(self, wanted: bool) -> Solved:
         sessions, surveys = self._facts.everything(self._store), self._facts.surveyed()
-        begun = self._quarantine.solve(lambda some: self._begin_with(some, surveys), sessions)
+        try:
+            begun = self._quarantine.solve(self._mapped(surveys), sessions)
+        except Exception:
+            # There may be no map yet, whoever is left out.
+            begun = self._quarantine.solve(lambda some: self._begin_with(some, surveys), sessions)
         self._living = begun.living
         self._facts.keyframes = {_name(session): session.keyframes for session in sessions}
         covered = {} if self._living is None else self._living.kept.covered
@@ -110,8 +114,19 @@ class Mapmaker:
         return self._quarantine.solve(
             lambda some: living.update(some, surveys),
             self._facts.sessions(),
-            alone=lambda one: self._begin_with(one, surveys),
+            alone=self._mapped(surveys),
         )
+
+    def _mapped(self, surveys: Sequence[SurveyedTag]) -> "Callable[[Sequence[SessionData]], Begun]":
+        """From nothing; raises where no tag is on the map: one session can do that to all."""
+
+        def begin(sessions: Sequence[SessionData]) -> "Begun":
+            begun = self._begin_with(sessions, surveys)
+            if begun.living is None:
+                raise np.linalg.LinAlgError("no tag is on the map")
+            return begun
+
+        return begin
 
     def _followed(self, update: Update, began_s: float) -> Solved:
         assert self._living is not None

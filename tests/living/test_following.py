@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 from tagmap.conventions import Array, Kind
 from tagmap.estimation.solution import Solution, TagEstimate
@@ -232,6 +233,25 @@ def test_poses_follow_a_map_that_moved_when_its_version_was_lost(
     (poses,) = site.store.poses()
     errors_m = np.linalg.norm(poses.T[:, :2, 2] - T[poses.seqs - 1, :2, 2], axis=1)
     assert errors_m.max() < 0.1
+
+
+@pytest.mark.parametrize("most_from_nothing", [20_000, 100])
+def test_a_slip_of_odometry_beyond_all_bounds_costs_its_session_only(
+    site: Site, monkeypatch: pytest.MonkeyPatch, most_from_nothing: int
+) -> None:
+    """A million metres in one step: nothing raises, and no tag would be left."""
+    monkeypatch.setattr(mapmaker, "MOST_FROM_NOTHING", most_from_nothing)
+    robots = _robots(_world("planar"), 450)
+    odom = robots[1].keyframes[409].odom
+    assert odom is not None
+    far = changed(
+        odom,
+        T_prev_cur=changed(odom.T_prev_cur, p_m=(1e6, 0.0)),
+        cov=tuple(1e-12 * c for c in odom.cov),
+    )
+    robots[1].keyframes[409] = changed(robots[1].keyframes[409], odom=far)
+    found = site.drive(robots, 1, 450, LOT)
+    assert len(_mapped(found)) == 20
 
 
 def test_runs_of_seqs() -> None:
