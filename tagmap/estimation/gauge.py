@@ -15,7 +15,12 @@ def free_directions(problem: Problem, p: Array) -> Array | None:
     """Orthonormal rigid motions (3 M + Q, 3 or 6) of all tags p (M, 3); None if something holds."""
     if not is_free(problem):
         return None
-    directions, _ = np.linalg.qr(rigid_motions(problem, p))
+    motions = rigid_motions(problem, p)
+    lengths = np.sqrt((motions * motions).sum(axis=0))
+    if problem.kind == "planar" and lengths.all():
+        # About the centroid shifts and the turn are orthogonal.
+        return motions / lengths
+    directions, _ = np.linalg.qr(motions)
     return directions
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from tagmap.conventions import Array, Index
 from tagmap.estimation import robust
+from tagmap.estimation.kernels import chain
 from tagmap.estimation.kernels import window as kernel
 from tagmap.estimation.kernels.layout import Linear, Sighted
 from tagmap.estimation.optimise import Options, optimise
@@ -181,9 +182,8 @@ class _Growth:
 
 def _information_of(cov: Array) -> Array:
     """Inverse (6, 6); nothing where rounding leaves none."""
-    try:
-        information = np.asarray(np.linalg.inv(cov), dtype=np.float64)
-    except np.linalg.LinAlgError:
+    information = np.zeros((6, 6))
+    if not chain.invert(np.ascontiguousarray(cov), information):
         return np.zeros((6, 6))
     return information if np.isfinite(information).all() else np.zeros((6, 6))
 
