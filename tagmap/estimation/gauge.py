@@ -19,7 +19,8 @@ def free_directions(problem: Problem, p: Array) -> Array | None:
     lengths = np.sqrt((motions * motions).sum(axis=0))
     if problem.kind == "planar" and lengths.all():
         # About the centroid shifts and the turn are orthogonal.
-        return motions / lengths
+        motions /= lengths
+        return motions
     directions, _ = np.linalg.qr(motions)
     return directions
 

@@ -34,8 +34,8 @@ class Options:
     """tolerance: predicted relative decrease of the cost at which the optimum is reached.
 
     mu_step: factor by which the robust weights sharpen at a time; robust: whether there are any;
-    sharp: they are so from the beginning, as the state is the optimum of nearly the same problem;
-    first_mu: where they begin otherwise, None: as blunt as the start is bad.
+    first_mu: where they begin, None: as blunt as the start is bad; robust.SHARPEST where the state
+    is the optimum of nearly the same problem.
     renewals: of the preconditioner, at the first steps. confirm: a further step must show that
     there is nothing left to gain; otherwise it is enough that the last one did what it promised.
     threads: that sweep along the poses, each along whole chains.
@@ -48,7 +48,6 @@ class Options:
     mu_step: float = 4.0
     max_regroupings: int = 20
     robust: bool = True
-    sharp: bool = False
     first_mu: float | None = None
     renewals: int = 1
     confirm: bool = True
@@ -121,12 +120,10 @@ class Optimiser:
         point = self._system.at(values, self._system.certain())
         if not self._options.robust:
             return point
-        sighted, given = self._system.packed.sighted, self._options.first_mu
-        if self._options.sharp:
-            self._mu = robust.SHARPEST
-        else:
-            c2 = sighted.c2[sighted.block[sighted.how]]
-            self._mu = given or robust.first_mu(point.squares.sightings, c2)
+        sighted = self._system.packed.sighted
+        c2 = sighted.c2[sighted.block[sighted.how]]
+        given = self._options.first_mu
+        self._mu = robust.first_mu(point.squares.sightings, c2) if given is None else given
         return self._system.at(values, point.belief, self._kernel_mu())
 
     @property
@@ -185,7 +182,7 @@ class Optimiser:
         return step.predicted * max(step.predicted / self._gained, MORE * LEFT_OVER)
 
     def _try(self, point: Point, step: Step, model: bool) -> Point:
-        if step.predicted <= SHARPEN_BELOW * point.cost and self._mu > 0.0:
+        if step.predicted <= SHARPEN_BELOW * max(point.cost, 1.0) and self._mu > 0.0:
             self._mu = self._sharper(point.belief)
         values = self._system.moved(point.values, step.poses, step.tags, step.calibration)
         return self._system.at(values, point.belief, self._kernel_mu(), model)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from tagmap.conventions import Array, Index, Mask
+from tagmap.estimation import robust
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.optimise import Optimum, Options, optimise
 from tagmap.estimation.points import Points, points_of
@@ -94,7 +95,7 @@ def _with_motion_as_found(settled: Settled, options: Options) -> Settled:
     problem = with_motion(settled.problem, stacked.t_ns[settled.poses], state.T)
     if problem is settled.problem:
         return settled
-    again = replace(options, sharp=True)
+    again = replace(options, first_mu=robust.SHARPEST)
     return replace(settled, problem=problem, optimum=optimise(problem, state, again))
 
 

@@ -8,8 +8,10 @@ from msgspec.structs import replace as changed
 
 from tagmap.conventions import Kind
 from tagmap.estimation import robust
+from tagmap.estimation.optimise import Options, optimise
 from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import SessionData
+from tests.estimation.problems import exact, small
 from tests.estimation.worlds import (
     Drive,
     errors,
@@ -108,3 +110,13 @@ def test_efficiency_is_what_a_simulated_truncated_mean_shows(dimension: int) -> 
         mean = (w * x).sum(1, keepdims=True) / w.sum(1, keepdims=True)
     worth = robust.efficiency(dimension) * w.sum(axis=1).mean()
     assert mean.var() * worth == pytest.approx(1.0, abs=0.04)
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_what_costs_nothing_is_an_optimum(kind: Kind) -> None:
+    """Weights that are in no doubt sharpen at once, however little there is left to gain."""
+    stacked, truth = small(kind, surveyed=True)
+    optimum = optimise(exact(stacked.problem, truth), truth, Options())
+    assert optimum.cost < 1e-12
+    assert optimum.converged
+    assert optimum.iterations <= 3
