@@ -22,7 +22,7 @@ demo: $(STAMP)
 	$(BIN)/fleet demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" --numprocesses 2 --dist loadfile
 
 verify: $(STAMP)
 	$(BIN)/python -m pytest -m slow
