@@ -112,7 +112,7 @@ class Reduced:
         p, rz = z.copy(), float(r @ z)
         gains: list[float] = []
         while rz > 0.0 and len(gains) < MOST_PRODUCTS:
-            q = self._times(p)
+            q = self.times(p)
             curvature = float(p @ q)
             if not curvature > 0.0:
                 break
@@ -170,7 +170,7 @@ class Reduced:
         """x without its part along the gauge."""
         return x.copy() if self._gauge is None else x - self._gauge @ (self._gauge.T @ x)
 
-    def _times(self, x: Array) -> Array:
+    def times(self, x: Array) -> Array:
         """S x."""
         m = 3 * len(self._own)
         tags, unknowns = _split(x, m)

@@ -26,7 +26,7 @@ def _judge(kind: Kind, seeds: range, swaps: bool) -> None:
     assert np.mean(ratios) <= 1.05
     assert np.mean(kept) <= 0.001
     # Names that fewer right sightings bear than agree by chance are withheld.
-    assert missing <= 0.01 * mapped + 1
+    assert missing <= 0.015 * mapped + 1
 
 
 @pytest.mark.parametrize("swaps", [False, True], ids=["random", "and swaps"])
