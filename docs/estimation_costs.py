@@ -1,6 +1,7 @@
 """What the parts of a solve cost on this machine: `python docs/estimation_costs.py`.
 
-One thread, processor time, the best of ROUNDS; beside them how fast the machine copies and multiplies.
+One thread, processor time, the best of ROUNDS; beside them how fast the machine copies and
+multiplies.
 """
 
 import os
