@@ -51,6 +51,7 @@ class Reduced:
         self._L, self._D = np.zeros((n, dof, dof)), np.zeros((n, dof, dof))
         self._u = np.zeros((n, 6))
         self._linear: Linear
+        self._parts: list[Linear] = []
         self._own = self._calibration = self._poses = self._rhs = np.zeros(0)
         self.precondition: Precondition | None = None
         self._gauge: Array | None = None
@@ -63,9 +64,10 @@ class Reduced:
         Adjustment - A Modern Synthesis", 2000, 9.4).
         """
         linear = point.linear
-        if not self._factor(linear, damping):
-            return False
         self._linear, self._gauge = linear, gauge
+        self._parts = [share.of(linear) for share in self._system.shares.all]
+        if not self._factor(damping):
+            return False
         self._own = point.own + _damped(linear.tag_diagonal, damping)
         self._calibration = linear.calibration + _damped(linear.calibration, damping)
         self._fresh = renew or self.precondition is None
@@ -95,7 +97,7 @@ class Reduced:
         linear = self._linear
         x, products = self._conjugate_gradients(enough)
         tags, unknowns = _split(x, 3 * len(self._own))
-        self._through_poses(x)
+        self._system.shares.each(lambda share: self._follow(share, x))
         poses = self._poses - self._u
         predicted = -float(np.vdot(poses, linear.pose_gradient))
         predicted -= float(np.vdot(tags, linear.tag_gradient))
@@ -130,10 +132,10 @@ class Reduced:
             rz = following
         return x, len(gains)
 
-    def _factor(self, linear: Linear, damping: float) -> bool:
+    def _factor(self, damping: float) -> bool:
         def factor(share: Share) -> bool:
             L, D = self._L[share.poses], self._D[share.poses]
-            return chain.factor(share.of(linear), damping, L, D, np.zeros((6, 6)))
+            return chain.factor(self._parts[share.number], damping, L, D, np.zeros((6, 6)))
 
         return all(self._system.shares.each(factor))
 
@@ -144,20 +146,25 @@ class Reduced:
         def pull(share: Share) -> Array:
             poses, out = self._poses[share.poses], np.zeros(still.size + len(self._calibration))
             chain.solve(self._L[share.poses], self._D[share.poses], poses)
-            chain.scatter(share.of(self._linear), still, 0.0, poses, *_split(out, still.size))
+            chain.scatter(self._parts[share.number], still, 0.0, poses, *_split(out, still.size))
             return out
 
         return _total(self._system.shares.each(pull))
 
+    def _follow(self, share: Share, x: Array) -> Array:
+        """What its poses do when the rest moves by x, A^-1 B x: rows of `_u`."""
+        u = self._u[share.poses]
+        L, D = self._L[share.poses], self._D[share.poses]
+        chain.poses_of(self._parts[share.number], L, D, *_split(x, 3 * len(self._own)), u)
+        return u
+
     def _through_poses(self, x: Array) -> Array:
-        """(C' - B' A^-1 B) x, of which C' is that of the sightings; `_u` becomes A^-1 B x."""
-        tags, unknowns = _split(x, 3 * len(self._own))
+        """(C' - B' A^-1 B) x, of which C' is that of the sightings."""
+        tags, _ = _split(x, 3 * len(self._own))
 
         def through(share: Share) -> Array:
-            linear, u, out = share.of(self._linear), self._u[share.poses], np.zeros_like(x)
-            L, D = self._L[share.poses], self._D[share.poses]
-            chain.poses_of(linear, L, D, tags, unknowns, u)
-            chain.scatter(linear, tags, 1.0, u, *_split(out, tags.size))
+            u, out = self._follow(share, x), np.zeros_like(x)
+            chain.scatter(self._parts[share.number], tags, 1.0, u, *_split(out, tags.size))
             return out
 
         return _total(self._system.shares.each(through))

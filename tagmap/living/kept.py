@@ -9,7 +9,7 @@ from tagmap.conventions import Array, Index, Kind
 from tagmap.estimation.condensed import Condensed
 from tagmap.estimation.unknowns import Unknown
 from tagmap.living.forgetting import forgotten
-from tagmap.living.spans import Spans
+from tagmap.records.spans import Spans
 
 Name: TypeAlias = "tuple[str, str]"
 """Robot and session."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from tagmap.estimation.stack import SessionData
 from tagmap.living.kept import Kept
-from tagmap.living.spans import has
+from tagmap.records.spans import has
 
 LOT = 100
 

@@ -13,7 +13,7 @@ from tagmap.estimation.points import points_of
 from tagmap.estimation.settle import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked
 from tagmap.living.kept import Kept, Name, Poses
-from tagmap.living.spans import spans_of, united
+from tagmap.records.spans import spans_of, united
 
 PATIENT = 5
 

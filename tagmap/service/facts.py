@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 from tagmap.estimation.stack import SessionData, SurveyedTag
 from tagmap.living.kept import Name
-from tagmap.living.spans import Spans, count, has
 from tagmap.mapping.usable import objection
 from tagmap.records import Hello, Keyframe
+from tagmap.records.spans import Spans, count, has
 from tagmap.store import SiteStore, Survey
 
 

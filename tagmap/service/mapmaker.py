@@ -15,7 +15,7 @@ from tagmap.estimation.stack import SessionData, SurveyedTag
 from tagmap.living.codec import packed
 from tagmap.living.kept import Name, Poses
 from tagmap.living.living import Living, Update
-from tagmap.living.spans import Spans, count, has
+from tagmap.records.spans import Spans, count, has
 from tagmap.service.facts import Facts
 from tagmap.service.quarantine import Quarantine
 from tagmap.service.resume import resumed

@@ -8,7 +8,7 @@ from tagmap.errors import TagmapError
 from tagmap.living.codec import unpacked
 from tagmap.living.kept import Kept, Name, Poses
 from tagmap.living.living import Living
-from tagmap.living.spans import Spans
+from tagmap.records.spans import Spans
 from tagmap.store import SiteStore
 
 

@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from tagmap.records.spans import spans_of, united
 from tagmap.store.connection import Connection, Row
 
 AT_ONCE = 200
@@ -69,20 +70,10 @@ def _remove(db: Connection, rows: Sequence[Row]) -> None:
     for session_id, gone in seqs.items():
         db.execute(_TALLY, [len(gone), sightings[session_id], session_id])
         db.execute(_POSES, [session_id])
-        runs = _united(runs_of(db, session_id), gone)
+        runs = united(tuple(runs_of(db, session_id)), spans_of(gone))
         db.execute("DELETE FROM archived WHERE session_id = ?", [session_id])
         values = [(session_id, *run) for run in runs]
         db.executemany("INSERT INTO archived VALUES (?, ?, ?)", values)
-
-
-def _united(runs: list[tuple[int, int]], seqs: Sequence[int]) -> list[tuple[int, int]]:
-    united: list[tuple[int, int]] = []
-    for first, last in sorted([*runs, *((seq, seq) for seq in seqs)]):
-        if united and first <= united[-1][1] + 1:
-            united[-1] = united[-1][0], max(last, united[-1][1])
-        else:
-            united.append((first, last))
-    return united
 
 
 def _thin_versions(db: Connection, keep: int | None) -> int:

@@ -14,7 +14,7 @@ from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import SessionData
 from tagmap.geometry.alignment import align
 from tagmap.living.kept import Kept
-from tagmap.living.spans import count, spans_of
+from tagmap.records.spans import count, spans_of
 from tagmap.service import mapmaker
 from tagmap.service.resume import resumed
 from tagmap.store.check import check

@@ -25,6 +25,8 @@ from tagmap.estimation.kernels.small import (
 from tagmap.geometry.kernels.compiled import compiled, inlined
 
 _SMALL = 1e-2
+# Where the turn stands among three numbers, and among six.
+_ALONE, _IN_SPACE = 2, 5
 _NOTHING = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
@@ -123,7 +125,7 @@ def factor(linear: Linear, damping: float, L: Array, D: Array) -> bool:
         f += damping * max(f, 1.0)
         whole = a, b, c, d, e, f
         if i > 0:
-            link = _link(linear.following, i - 1)
+            link = _block(linear.following, i - 1, _IN_SPACE)
             by = product(link, full(P))
             whole = upper(difference_of(full(whole), product(by, transpose(link))))
             _store(by, L, i)
@@ -142,43 +144,29 @@ def solve(L: Array, D: Array, x: Array) -> None:
     for i in range(n):
         y = x[i, 0], x[i, 1], x[i, 5]
         if i > 0:
-            y = subtract(y, times(_block(L, i), (x[i - 1, 0], x[i - 1, 1], x[i - 1, 5])))
+            y = subtract(y, times(_block(L, i, _ALONE), (x[i - 1, 0], x[i - 1, 1], x[i - 1, 5])))
         x[i, 0], x[i, 1], x[i, 5] = y
     for i in range(n - 1, -1, -1):
-        z = times(_block(D, i), (x[i, 0], x[i, 1], x[i, 5]))
+        z = times(_block(D, i, _ALONE), (x[i, 0], x[i, 1], x[i, 5]))
         if i + 1 < n:
-            z = subtract(z, transposed_times(_block(L, i + 1), y))
+            z = subtract(z, transposed_times(_block(L, i + 1, _ALONE), y))
         y = z
         x[i, 0], x[i, 1], x[i, 5] = y
 
 
 @inlined
-def _link(A: Array, i: int) -> M:
+def _block(A: Array, i: int, turn: int) -> M:
+    """Rows and columns 0, 1 and `turn` of A (N, 3, 3) or (N, 6, 6)."""
     return (
         A[i, 0, 0],
         A[i, 0, 1],
-        A[i, 0, 5],
+        A[i, 0, turn],
         A[i, 1, 0],
         A[i, 1, 1],
-        A[i, 1, 5],
-        A[i, 5, 0],
-        A[i, 5, 1],
-        A[i, 5, 5],
-    )
-
-
-@inlined
-def _block(A: Array, i: int) -> M:
-    return (
-        A[i, 0, 0],
-        A[i, 0, 1],
-        A[i, 0, 2],
-        A[i, 1, 0],
-        A[i, 1, 1],
-        A[i, 1, 2],
-        A[i, 2, 0],
-        A[i, 2, 1],
-        A[i, 2, 2],
+        A[i, 1, turn],
+        A[i, turn, 0],
+        A[i, turn, 1],
+        A[i, turn, turn],
     )
 
 
@@ -194,5 +182,5 @@ def lift(A: Array, rest: float, out: Array) -> None:
     """Blocks (N, 3, 3) among those of six coordinates, out (N, 6, 6); `rest`: of the others."""
     out[:] = 0.0
     for i in range(len(A)):
-        _add(out, i, _block(A, i))
+        _add(out, i, _block(A, i, _ALONE))
         out[i, 2, 2] = out[i, 3, 3] = out[i, 4, 4] = rest
