@@ -1,35 +1,22 @@
 """A thread that has the interlock look, so that a loop that hangs leaves no laser on."""
 
-import threading
-from types import TracebackType
-
+from robot_agent.background import Background
 from robot_agent.laser.interlock import Interlock
 
 EVERY_S = 0.005
 
 
-class Watchdog:
+class Watchdog(Background):
     """`with Watchdog(interlock): ...`"""
 
     def __init__(self, interlock: Interlock, every_s: float = EVERY_S) -> None:
         self._interlock, self._every_s = interlock, every_s
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="laser-watchdog", daemon=True)
+        super().__init__("laser-watchdog", self._watch)
 
-    def __enter__(self) -> "Watchdog":
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
-        self._ended.set()
-        self._thread.join()
+    def __exit__(self, *_: object) -> None:
+        super().__exit__()
         self._interlock.check()
 
     def _watch(self) -> None:
-        while not self._ended.wait(self._every_s):
+        while not self._stopping.wait(self._every_s):
             self._interlock.check()

@@ -1,8 +1,8 @@
 """Reads the angles again and again, so that every exposure lies between two readings."""
 
 import threading
-from types import TracebackType
 
+from robot_agent.background import Background
 from robot_agent.pan_tilt.track import Pointing, PointingTrack
 from robot_agent.pan_tilt.unit import Failure, PanTilt, Reading
 
@@ -11,7 +11,7 @@ PAUSE_S = 0.25
 """After a failure."""
 
 
-class Poller:
+class Poller(Background):
     """`with Poller(unit) as poller:` reads in a thread, while others move the unit."""
 
     def __init__(self, unit: PanTilt, period_s: float = PERIOD_S) -> None:
@@ -20,8 +20,7 @@ class Poller:
         self._track = PointingTrack()
         self._failure: Failure | None = None
         self._news = threading.Condition()
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._poll, name="pan-tilt", daemon=True)
+        super().__init__("pan-tilt", self._poll)
 
     def at(self, t_ns: int, wait_s: float = 0.0) -> Pointing | None:
         """See PointingTrack.at. The reading after `t_ns` may still be on its way: it is waited for
@@ -35,19 +34,6 @@ class Poller:
         """Why there are no new readings; None while there are."""
         with self._news:
             return self._failure
-
-    def __enter__(self) -> "Poller":
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
-        self._stopping.set()
-        self._thread.join()
 
     def _poll(self) -> None:
         pause_s = 0.0

@@ -2,18 +2,17 @@
 
 import contextlib
 import socket
-import threading
 import time
-from types import TracebackType
 
 from fleet.emulation.galvo.galvo import EmulatedGalvo
+from robot_agent.background import Background
 from robot_agent.laser.datagram import BYTES
 from tagmap.errors import LinkError
 
 LOOK_S = 0.1
 
 
-class GalvoServer:
+class GalvoServer(Background):
     """`with GalvoServer(...) as server:` serves in a thread. Of all datagrams each `lose_every`-th
     is lost before it is read, likewise of the answers; 0: none."""
 
@@ -30,26 +29,15 @@ class GalvoServer:
         self._socket.settimeout(LOOK_S)
         self._galvo, self._lose_every = galvo, lose_every
         self._passed = 0
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="galvo-server", daemon=True)
+        super().__init__("galvo-server", self._serve)
 
     @property
     def address(self) -> tuple[str, int]:
         host, port = self._socket.getsockname()
         return host, port
 
-    def __enter__(self) -> "GalvoServer":
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
-        self._stopping.set()
-        self._thread.join()
+    def __exit__(self, *_: object) -> None:
+        super().__exit__()
         self._socket.close()
 
     def _serve(self) -> None:

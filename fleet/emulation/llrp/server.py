@@ -3,15 +3,14 @@
 import contextlib
 import selectors
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from types import TracebackType
 
 from fleet.emulation.llrp.line import Line, LineFaults
 from fleet.emulation.llrp.reader import EmulatedReader
 from fleet.emulation.llrp.replies import OCCUPIED, error, greeting
+from robot_agent.background import Background
 from robot_agent.rfid.llrp.codec import Message, Undecodable, decode, encode, name_of
 from robot_agent.rfid.llrp.frames import Frame, FramingError, Splitter
 from tagmap.errors import LinkError
@@ -30,7 +29,7 @@ class _Client:
     line: Line = Line.OPEN
 
 
-class LlrpServer:
+class LlrpServer(Background):
     """Serves one client at a time, and tells every other that it is not the one.
 
     `with LlrpServer(...) as server:` serves in a thread; `serve` does in the caller's. `tell` is
@@ -54,8 +53,7 @@ class LlrpServer:
         self._faults = faults or LineFaults()
         self._tell = tell
         self._client: _Client | None = None
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self.serve, name="llrp-server", daemon=True)
+        super().__init__("llrp-server", self.serve)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
 
@@ -63,19 +61,6 @@ class LlrpServer:
     def address(self) -> tuple[str, int]:
         host, port = self._listener.getsockname()[:2]
         return host, port
-
-    def __enter__(self) -> "LlrpServer":
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
-        self._stopping.set()
-        self._thread.join()
 
     def serve(self) -> None:
         """Until the end of the context, or of the process."""

@@ -4,14 +4,13 @@ import contextlib
 import os
 import pty
 import select
-import threading
 import time
 import tty
 from pathlib import Path
-from types import TracebackType
 
 from fleet.emulation.pan_tilt.line import SerialFaults
 from fleet.emulation.pan_tilt.unit import Unit
+from robot_agent.background import Background
 from tagmap.errors import LinkError
 
 CHUNK_BYTES = 4096
@@ -20,7 +19,7 @@ BITS_PER_BYTE = 10
 """Start, 8 data bits, stop."""
 
 
-class UnitTerminal:
+class UnitTerminal(Background):
     """`with UnitTerminal(unit) as terminal:` serves at `terminal.path`, which `link` points at.
 
     A link stays the same from run to run, as the name of a real port does.
@@ -44,21 +43,7 @@ class UnitTerminal:
         self._link = link
         if link is not None:
             self._make_link(link)
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self.serve, name="pan-tilt-unit", daemon=True)
-
-    def __enter__(self) -> "UnitTerminal":
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
-        self._stopping.set()
-        self._thread.join()
+        super().__init__("pan-tilt-unit", self.serve)
 
     def serve(self) -> None:
         """Until the end of the context, or of the process. Then the line is as if unplugged."""
