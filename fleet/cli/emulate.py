@@ -1,17 +1,11 @@
 """`fleet emulate`: devices that are not there."""
 
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    from fleet.simulation.scene.description import SceneDescription
-    from fleet.simulation.scene.keeping import KeptMemories
+from fleet.cli.emulating import READER, address, described, for_a_time, in_scene, stay
 
-READER = "emulated"
-LOOK_S = 0.1
 EVERY = click.IntRange(min=0)
 
 
@@ -28,12 +22,7 @@ def emulate() -> None:
     metavar="HOST:PORT",
     help="Where clients connect; port 0 is any free one.",
 )
-@click.option(
-    "--scene",
-    metavar="FILE",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Tags and reader as TOML.",
-)
+@in_scene("Tags and reader as TOML.")
 @click.option(
     "--tag",
     "tags",
@@ -50,9 +39,7 @@ def emulate() -> None:
 @click.option("--cut-every", type=EVERY, default=0, metavar="N", help="Cut each N-th message.")
 @click.option("--garbage-every", type=EVERY, default=0, metavar="N", help="Spoil each N-th.")
 @click.option("--mute-every", type=EVERY, default=0, metavar="N", help="Fall silent at each N-th.")
-@click.option(
-    "--duration-s", type=click.FloatRange(min=0.0), metavar="S", help="End after S seconds."
-)
+@for_a_time
 def llrp(
     listen: str,
     scene: Path | None,
@@ -76,8 +63,8 @@ def llrp(
     from fleet.simulation.scene.description import build
     from fleet.simulation.scene.keeping import KeptMemories
 
-    host, port = _address(listen)
-    description = _described(scene, tags)
+    host, port = address(listen)
+    description = described(scene, tags)
     air = build(description, READER, time.time_ns())
     kept = KeptMemories(air, memory) if memory else None
     faults = LineFaults(cut_every, garbage_every, mute_every, description.seed)
@@ -88,7 +75,7 @@ def llrp(
     ):
         host, port = server.address
         click.echo(f"llrp reader with {len(air.tags)} tags at {host}:{port}")
-        _stay(duration_s, kept)
+        stay(duration_s, kept)
 
 
 @emulate.command("pan-tilt")
@@ -112,9 +99,7 @@ def llrp(
 @click.option(
     "--noise-every", type=EVERY, default=0, metavar="N", help="Change a byte of each N-th."
 )
-@click.option(
-    "--duration-s", type=click.FloatRange(min=0.0), metavar="S", help="End after S seconds."
-)
+@for_a_time
 def pan_tilt(
     link: Path | None,
     baud: int,
@@ -133,40 +118,4 @@ def pan_tilt(
     faults = SerialFaults(garbage_every, half_every, mute_every, noise_every)
     with interruptible(), UnitTerminal(Unit(), link, faults, baud) as terminal:
         click.echo(f"pan-tilt unit at {link or terminal.path}")
-        _stay(duration_s, None)
-
-
-def _stay(duration_s: float | None, kept: "KeptMemories | None") -> None:
-    """Until the time is over or somebody interrupts."""
-    import time
-
-    end_s = time.monotonic() + duration_s if duration_s is not None else float("inf")
-    while time.monotonic() < end_s:
-        time.sleep(min(LOOK_S, max(0.0, end_s - time.monotonic())))
-        if kept is not None:
-            kept.keep()
-
-
-def _address(listen: str) -> tuple[str, int]:
-    found = re.fullmatch(r"(.+):(\d{1,5})", listen)
-    if found is None:
-        raise click.BadParameter(f"{listen!r} is not HOST:PORT", param_hint="--listen")
-    return found[1], int(found[2])
-
-
-def _described(scene: Path | None, tags: tuple[str, ...]) -> "SceneDescription":
-    import msgspec
-
-    from fleet.simulation.scene.description import (
-        SceneDescription,
-        TagDescription,
-        read_description,
-    )
-
-    more = [{"epc": epc.lower(), "lit": "always"} for epc in tags]
-    try:
-        described = msgspec.convert(more, tuple[TagDescription, ...])
-    except msgspec.ValidationError as error:
-        raise click.BadParameter(str(error), param_hint="--tag") from None
-    base = read_description(scene) if scene else SceneDescription()
-    return msgspec.structs.replace(base, tag=base.tag + described)
+        stay(duration_s, None)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fleet.cli.emulate import READER, _address, _described, _stay
+from fleet.cli.emulating import READER, address, described, for_a_time, in_scene, stay
 
 if TYPE_CHECKING:
     from fleet.simulation.scene.description import SceneDescription
@@ -28,12 +28,7 @@ if TYPE_CHECKING:
     metavar="HOST:PORT",
     help="Where datagrams come; port 0 is any free one.",
 )
-@click.option(
-    "--scene",
-    metavar="FILE",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Tags, reader, and where cam is, as TOML.",
-)
+@in_scene("Tags, reader, and where cam is, as TOML.")
 @click.option(
     "--llrp",
     metavar="HOST:PORT",
@@ -42,9 +37,7 @@ if TYPE_CHECKING:
 @click.option(
     "--lose-every", type=click.IntRange(min=0), default=0, metavar="N", help="Lose each N-th."
 )
-@click.option(
-    "--duration-s", type=click.FloatRange(min=0.0), metavar="S", help="End after S seconds."
-)
+@for_a_time
 def galvo(
     scanner: Path,
     listen: str,
@@ -63,8 +56,8 @@ def galvo(
     from fleet.emulation.llrp.server import LlrpServer
     from fleet.simulation.scene.description import build
 
-    host, port = _address(listen)
-    description = _described(scene, ())
+    host, port = address(listen)
+    description = described(scene, ())
     air = build(description, READER, time.time_ns())
     laser = _true_laser(description, scanner)
     galvo = EmulatedGalvo(air, laser, time.time_ns())
@@ -74,9 +67,9 @@ def galvo(
         click.echo(f"laser on {len(air.tags)} tags at {_shown(serving.address)}")
         if llrp:
             reader = EmulatedReader(air.antenna(READER))
-            reading = servers.enter_context(LlrpServer(reader, *_address(llrp)))
+            reading = servers.enter_context(LlrpServer(reader, *address(llrp)))
             click.echo(f"llrp reader with {len(air.tags)} tags at {_shown(reading.address)}")
-        _stay(duration_s, None)
+        stay(duration_s, None)
 
 
 def _shown(address: tuple[str, int]) -> str:
