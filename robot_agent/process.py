@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot_agent.agent import Agent, Identity
+from robot_agent.courier import Courier, Identity
 from robot_agent.diary import Diary
 from robot_agent.shell import Shell
 from robot_agent.sources.journal import JournalSource
@@ -41,7 +41,7 @@ def run_process(setup: Setup, report: Callable[[Summary], None]) -> None:
     with Outbox.open(setup.outbox, f"{setup.site}/{setup.robot}") as outbox:
         uplink = Uplink(setup.route, Keys(setup.site), setup.robot)
         diary = Diary(setup.robot)
-        shell = Shell(Agent(identity, source.introduction), source, outbox, uplink, diary)
+        shell = Shell(Courier(identity, source.introduction), source, outbox, uplink, diary)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: shell.stop())
         uplink.start()

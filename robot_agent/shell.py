@@ -1,10 +1,10 @@
-"""The agent as a process: source, outbox, link and clock around `Agent.step`."""
+"""The agent as a process: source, outbox, link and clock around `Courier.step`."""
 
 import threading
 import time
 from collections.abc import Sequence
 
-from robot_agent.agent import Agent, Inputs, Outputs, Room
+from robot_agent.courier import Courier, Inputs, Outputs, Room
 from robot_agent.diary import Diary
 from robot_agent.flight import Parcel
 from robot_agent.sources import Source
@@ -26,8 +26,10 @@ class Shell:
     one that cannot is always read, router or not, and the outbox grows.
     """
 
-    def __init__(self, agent: Agent, source: Source, outbox: Outbox, uplink: Uplink, diary: Diary):
-        self._agent = agent
+    def __init__(
+        self, courier: Courier, source: Source, outbox: Outbox, uplink: Uplink, diary: Diary
+    ):
+        self._courier = courier
         self._source = source
         self._outbox = outbox
         self._uplink = uplink
@@ -52,7 +54,7 @@ class Shell:
             self._hear_last_words()
 
     def _start(self) -> None:
-        hello = self._agent.hello()
+        hello = self._courier.hello()
         self._outbox.start_session(hello.session, hello.payload)
         self._position = self._outbox.resume(self._source.fingerprint)
         self._source.seek(self._position)
@@ -71,7 +73,7 @@ class Shell:
         acks = self._uplink.take(wait_s)
         connected = self._uplink.connected()
         observations = self._observe()
-        outputs = self._agent.step(
+        outputs = self._courier.step(
             Inputs(observations, self._load(), acks, connected), time.monotonic_ns()
         )
         self._keep(outputs, len(observations))
@@ -104,20 +106,20 @@ class Shell:
         if outputs.append:
             self._position += observed
             items = [(parcel.seq, parcel.payload) for parcel in outputs.append]
-            self._outbox.append(self._agent.session, items, self._position)
+            self._outbox.append(self._courier.session, items, self._position)
             self._pending += len(items)
         for ack in outputs.settle:
             self._settle(ack)
 
     def _hear_last_words(self) -> None:
         """A refusal whose acknowledgement was lost is told again in the answer to a question."""
-        awaited = set(self._agent.sessions())
+        awaited = set(self._courier.sessions())
         self._uplink.ask(awaited)
         until_s = time.monotonic() + LAST_WORD_S
         while awaited and time.monotonic() < until_s and not self._stop.is_set():
             acks = self._uplink.take(TURN_S)
             awaited -= {ack.session for ack in acks}
-            outputs = self._agent.step(Inputs(acks=acks), time.monotonic_ns())
+            outputs = self._courier.step(Inputs(acks=acks), time.monotonic_ns())
             self._keep(outputs, 0)
             self._diary.refusals(outputs.settle)
 

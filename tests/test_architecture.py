@@ -51,7 +51,7 @@ PURE = (
     "tagmap/arbitration/",
     "tagmap/writeback/",
 )
-PURE_FILES = ("tagmap/mapper.py", "robot_agent/agent.py")
+PURE_FILES = ("tagmap/mapper.py", "robot_agent/courier.py")
 """Decision logic: time, randomness and bytes are arguments."""
 IMPURE = {"logging", "structlog", "socket", "subprocess", "threading", "time", "random", "click"}
 

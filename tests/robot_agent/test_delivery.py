@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_agent.agent import WINDOW, Agent, Identity, Inputs, Outputs, Parcel, Room
+from robot_agent.courier import WINDOW, Courier, Identity, Inputs, Outputs, Parcel, Room
 from tagmap.records import Ack, Introduction, Keyframe, Observation, Refusal, Transform, decode
 
 TICK_NS = 50_000_000
@@ -104,8 +104,8 @@ class World:
     def start_agent(self) -> None:
         session = f"session-{len(self.sessions):04d}"
         self.sessions.append(session)
-        self.agent = Agent(Identity("site", "r1", 1, session), INTRODUCTION)
-        self.rows.append(self.agent.hello())
+        self.courier = Courier(Identity("site", "r1", 1, session), INTRODUCTION)
+        self.rows.append(self.courier.hello())
         self.loaded, self.room = 0, Room(0, 0)
 
     def run(self, ticks: int, faulty_ticks: int) -> int:
@@ -129,7 +129,7 @@ class World:
 
     def turn(self, tick: int, connected: bool, dies: bool) -> None:
         taken = self.source[self.cursor : self.cursor + self.rng.randint(0, 40)]
-        outputs = self.agent.step(
+        outputs = self.courier.step(
             Inputs(
                 observations=taken,
                 parcels=self.load(),

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robot_agent.agent import Agent, Identity, Parcel
+from robot_agent.courier import Courier, Identity, Parcel
 from robot_agent.diary import Diary
 from robot_agent.process import new_session
 from robot_agent.shell import BACKLOG, Shell
@@ -63,7 +63,7 @@ class Bench:
         self.uplink = uplink
 
     def shell(self, outbox: Outbox, source: JournalSource) -> Shell:
-        agent = Agent(Identity("site", "r1", 1, new_session()), source.introduction)
+        agent = Courier(Identity("site", "r1", 1, new_session()), source.introduction)
         diary = Diary("r1")
         return Shell(agent, source, outbox, self.uplink, diary)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""The robot's cycle, without I/O: observations become keyframes, keyframes become settled facts.
+"""Delivery, without I/O: observations become keyframes, keyframes become settled facts.
 
 The shell obeys every `Outputs` in the order of its fields. `append` is durable before anything of
 it is sent, therefore a record that was ever on the wire keeps its number for ever; what is sent
@@ -85,7 +85,7 @@ class Outputs:
     torn: Sequence[str]
 
 
-class Agent:
+class Courier:
     """Numbers the observations of one session and sees all sessions' records settled."""
 
     def __init__(self, identity: Identity, introduction: Introduction) -> None:
