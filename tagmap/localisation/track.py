@@ -5,7 +5,7 @@ and after a few of them the sightings since then are asked for a fix of their ow
 """
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -19,7 +19,7 @@ from tagmap.localisation.integrity.promise import Promise
 from tagmap.localisation.scene import Scene, Sensor, TagTable, lie, look
 from tagmap.localisation.update import Belief, sigmas, update
 from tagmap.records.arrays import matrix
-from tagmap.records.keyframe import MAX_SIGHTINGS, Keyframe, Measurement
+from tagmap.records.keyframe import MAX_SIGHTINGS, Keyframe, Measurement, Odometry, Sighting
 from tagmap.records.pose import PoseState
 
 
@@ -122,11 +122,15 @@ class Track:
 
     def step(self, keyframe: Keyframe) -> Live:
         """Move by the odometry, correct by the sightings, and say what is known now."""
+        self.move(keyframe.odom)
+        return self.see(matrix(keyframe.T_base_cam), keyframe.sightings)
+
+    def see(self, T_base_cam: Array, sightings: Iterable[Sighting]) -> Live:
+        """Correct by what is seen from here, and say what is known now."""
         self._accepted = self._rejected = ()
-        self._move(keyframe)
-        seen = _mapped(keyframe, self._table.index)
+        seen = _mapped(sightings, self._table.index)
         if seen[1]:
-            T_cam_base = self._group.inverse(matrix(keyframe.T_base_cam))
+            T_cam_base = self._group.inverse(T_base_cam)
             self._remember(seen, T_cam_base)
             self._correct(seen, T_cam_base)
             self._reopen()
@@ -156,12 +160,13 @@ class Track:
         except np.linalg.LinAlgError:
             return NO_ASSURANCE
 
-    def _move(self, keyframe: Keyframe) -> None:
-        if keyframe.odom is None:
+    def move(self, odom: Odometry | None) -> None:
+        """By a step; None: nothing is known of the motion."""
+        if odom is None:
             self.interrupt()
             return
-        T_step = matrix(keyframe.odom.T_prev_cur)
-        cov_step = unpack_upper(np.array(keyframe.odom.cov), POSE_DOF[self._sensor.kind])
+        T_step = matrix(odom.T_prev_cur)
+        cov_step = unpack_upper(np.array(odom.cov), POSE_DOF[self._sensor.kind])
         self._T_odom_base = self._T_odom_base @ T_step
         Ad = self._group.adjoint(self._group.inverse(T_step))
         if self._belief is not None:
@@ -279,7 +284,7 @@ class Track:
         return self._anchored and certain and self._contradicted == 0
 
 
-def _mapped(keyframe: Keyframe, index: Mapping[str, int]) -> Seen:
+def _mapped(sightings: Iterable[Sighting], index: Mapping[str, int]) -> Seen:
     """Measurements and ids of mapped tags whose identity is more likely right than wrong."""
-    chosen = [s for s in keyframe.sightings if s.tag in index and s.p_false < 0.5]
+    chosen = [s for s in sightings if s.tag in index and s.p_false < 0.5]
     return tuple(s.z for s in chosen), tuple(s.tag for s in chosen)
