@@ -21,9 +21,10 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 from tagmap.errors import LinkError
+from tagmap.link.asking import ENCODING, query_from, reply_from
 from tagmap.link.config import client_config, endpoints_of, one_line, tls_of
 from tagmap.link.diagnosis import why_unreachable
-from tagmap.link.query import ENCODING, Query, Reply, query_from, reply_from
+from tagmap.link.query import Query, Reply
 from tagmap.link.receiver import Declared, Receiver
 
 RETRY_S = 0.25
