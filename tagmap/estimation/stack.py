@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from tagmap.conventions import POSE_DOF, TAG_DOF, Index, Kind
+from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Index, Kind
 from tagmap.estimation.problem import Odometry, Problem, Sightings, Surveyed, lie, whitening
 from tagmap.estimation.stated import Stated
 from tagmap.estimation.twists import with_motion
@@ -31,11 +31,15 @@ class SessionData:
 
 @dataclass(frozen=True, slots=True)
 class SurveyedTag:
-    """A position from outside: p_m (3,) in map, its standard deviation per axis."""
+    """A position from outside: p_m (3,) in map, its standard deviation per axis.
+
+    cov: packed upper triangle of its 3x3, in place of `sigma_m` where there is more to say.
+    """
 
     tag: str
     p_m: tuple[float, float, float]
     sigma_m: float
+    cov: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,10 +190,19 @@ def surveyed_among(kind: Kind, surveys: Sequence[SurveyedTag], tags: Sequence[st
     """With the numbers that the tags have in `tags`."""
     d = TAG_DOF[kind]
     number_of = {tag: i for i, tag in enumerate(tags)}
-    # No survey is that good; its information must stay finite.
-    sigma = np.maximum([survey.sigma_m for survey in surveys], LEAST_SURVEY_SIGMA_M)
+    whiten = [_survey_whitening(survey, d) for survey in surveys]
     return Surveyed(
         tag=np.array([number_of[survey.tag] for survey in surveys], dtype=np.int64),
         p=np.array([survey.p_m[:d] for survey in surveys], dtype=float).reshape(-1, d),
-        whiten=np.eye(d) / sigma[:, None, None] if len(surveys) else np.zeros((0, d, d)),
+        whiten=np.array(whiten, dtype=float).reshape(-1, d, d),
     )
+
+
+def _survey_whitening(survey: SurveyedTag, d: int) -> Array:
+    """(d, d). No survey is as good as that least sigma; its information must stay finite."""
+    if survey.cov is None:
+        return np.eye(d) / max(survey.sigma_m, LEAST_SURVEY_SIGMA_M)
+    variances, axes = np.linalg.eigh(unpack_upper(np.array(survey.cov), 3)[:d, :d])
+    sigma = np.sqrt(np.maximum(variances, LEAST_SURVEY_SIGMA_M**2))
+    whiten: Array = (axes / sigma) @ axes.T
+    return whiten

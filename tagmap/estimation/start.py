@@ -77,7 +77,9 @@ def survey_map(problem: Problem) -> LocalMap | None:
     tags, first = np.unique(surveyed.tag, return_index=True)
     if len(tags) < LEAST_SURVEYED:
         return None
-    sigma = np.maximum(1.0 / surveyed.whiten[first, 0, 0], LEAST_SIGMA_M)
+    # That of each one's worst direction.
+    least = np.linalg.svd(surveyed.whiten[first], compute_uv=False)[:, -1]
+    sigma = np.maximum(1.0 / least, LEAST_SIGMA_M)
     survey = LocalMap(tags, surveyed.p[first], sigma)
     return survey if determines_frame(problem.kind, survey) else None
 

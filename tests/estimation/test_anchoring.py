@@ -121,6 +121,31 @@ def test_surveyed_tags_that_nobody_sees_stand_on_the_map(site: Site) -> None:
     np.testing.assert_allclose(np.diag(tag.cov), 0.02**2, rtol=0.1)
 
 
+def test_the_whole_covariance_of_a_survey_counts(site: Site) -> None:
+    """Of a tag that nobody sees it is that of the map; in space and cut to the plane."""
+    world, sessions, _ = site
+    cov = np.array([[0.09, 0.02, 0.01], [0.02, 0.01, 0.0], [0.01, 0.0, 0.0025]])
+    upper = tuple(cov[np.triu_indices(3)].tolist())
+    lonely = SurveyedTag("lonely", (5.0, 4.0, 2.0), 0.3, upper)
+    solution = solve(sessions, [*world.survey((0, 4, 9)), lonely])
+    tag = next(t for t in solution.tags if t.tag == "lonely")
+    assert tag.cov is not None
+    d = len(tag.cov)
+    np.testing.assert_allclose(tag.cov, cov[:d, :d], rtol=0.1, atol=1e-6)
+
+
+def test_a_covariance_of_equal_sigmas_says_what_a_sigma_says(site: Site) -> None:
+    world, sessions, _ = site
+    surveys = world.survey((0, 4, 9), sigma_m=0.02)
+    spelt = [replace(one, cov=(4e-4, 0.0, 0.0, 4e-4, 0.0, 4e-4), sigma_m=9.0) for one in surveys]
+    for a, b in zip(solve(sessions, surveys).tags, solve(sessions, spelt).tags, strict=True):
+        assert (a.tag, a.state) == (b.tag, b.state)
+        for one, other, atol in ((a.p, b.p, 1e-9), (a.cov, b.cov, 1e-12)):
+            assert one is not None
+            assert other is not None
+            np.testing.assert_allclose(one, other, rtol=1e-6, atol=atol)
+
+
 def test_before_any_robot_the_survey_is_the_map() -> None:
     world, _, _ = _site("spatial")
     solution = solve([], world.survey((0, 4, 9)))
