@@ -5,15 +5,32 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import TypeVar
 
+from robot_agent.atlas.served import ServedMap, tags_of
 from robot_agent.flight import Parcel
 from tagmap.errors import LinkError, RecordRefused
 from tagmap.link.keys import Keys
 from tagmap.link.session import Link
-from tagmap.records import Ack, decode, encode
+from tagmap.records import (
+    Ack,
+    JobResult,
+    LeaseReply,
+    LeaseRequest,
+    MapVersion,
+    Pose,
+    WriteJob,
+    decode,
+    encode,
+)
 
 ANSWER_S = 1.0
 CLOSE_S = 3.0
+MAP_AGAIN_S = 10.0
+"""How often to ask for a map of which nothing is heard."""
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,13 +42,15 @@ class Route:
 
 
 class Uplink:
-    """Sends parcels, asks for acknowledgements, collects them.
+    """Sends parcels, asks for acknowledgements, collects them; `senses`: also what a robot with
+    cameras and laser wants of the service: leases, jobs, and the map.
 
     A thread of its own opens the link, however long that takes, and puts the questions, which
     block until they are answered. `trouble` is why there is no link yet.
     """
 
-    def __init__(self, route: Route, keys: Keys, robot: str) -> None:
+    def __init__(self, route: Route, keys: Keys, robot: str, senses: bool = False) -> None:
+        self._senses = senses
         self._route = route
         self._keys = keys
         self._robot = robot
@@ -41,6 +60,10 @@ class Uplink:
         self._closing = threading.Event()
         self._arrived: SimpleQueue[bytes | None] = SimpleQueue()
         self._questions: SimpleQueue[str | None] = SimpleQueue()
+        self._jobs: SimpleQueue[WriteJob] = SimpleQueue()
+        self._maps: SimpleQueue[ServedMap] = SimpleQueue()
+        self._map_wanted = threading.Event()
+        self._fetcher = threading.Thread(target=self._keep_fetching, name="fetching", daemon=True)
         self._thread = threading.Thread(target=self._serve, name="uplink", daemon=True)
         self.trouble: str | None = None
         self.malformed = 0
@@ -76,6 +99,32 @@ class Uplink:
             pass
         return [ack for payload in payloads if payload and (ack := self._decoded(payload))]
 
+    def lease(self, request: LeaseRequest, timeout_s: float) -> LeaseReply | None:
+        """None: no answer in time, or a refusal."""
+        if self._link is None:
+            return None
+        try:
+            replies = self._link.get(self._keys.lease(), encode(request), timeout_s=timeout_s)
+            answers = [reply.payload for reply in replies if reply.payload is not None]
+            return decode(LeaseReply, answers[0]) if answers else None
+        except (LinkError, RecordRefused):
+            return None
+
+    def publish_pose(self, pose: Pose) -> None:
+        self._put(self._keys.agent_pose(self._robot), encode(pose))
+
+    def publish_result(self, result: JobResult) -> None:
+        self._put(self._keys.job_results(self._robot), encode(result))
+
+    def jobs(self) -> list[WriteJob]:
+        """Those that came since they were last asked for."""
+        return _drained(self._jobs)
+
+    def served(self) -> ServedMap | None:
+        """The newest map that came since it was last asked for."""
+        maps = _drained(self._maps)
+        return maps[-1] if maps else None
+
     def wake(self) -> None:
         """End a waiting `take`; safe in a signal handler."""
         self._arrived.put(None)
@@ -83,7 +132,10 @@ class Uplink:
     def close(self) -> None:
         self._closing.set()
         self._questions.put(None)
+        self._map_wanted.set()
         self._thread.join(CLOSE_S)
+        if self._fetcher.is_alive():
+            self._fetcher.join(CLOSE_S)
         if self._link is not None:
             self._link.close()
 
@@ -93,6 +145,8 @@ class Uplink:
             link.subscribe(
                 self._keys.ack(self._robot), lambda _, payload: self._arrived.put(payload)
             )
+            if self._senses:
+                self._sense(link)
             link.declare_alive(self._keys.alive(self._robot))
             self._listening = True
             self.wake()
@@ -102,6 +156,58 @@ class Uplink:
             # Whatever it is, an agent that can no longer hear must not go on as if it could.
             self._failure = error if isinstance(error, LinkError) else LinkError(f"link: {error}")
             self.wake()
+
+    def _sense(self, link: Link) -> None:
+        link.subscribe(self._keys.jobs(self._robot), lambda _, payload: self._take_job(payload))
+        link.subscribe(self._keys.map_version(), lambda *_: self._map_wanted.set())
+        self._map_wanted.set()
+        self._fetcher.start()
+
+    def _take_job(self, payload: bytes) -> None:
+        try:
+            self._jobs.put(decode(WriteJob, payload))
+        except RecordRefused:
+            self.malformed += 1
+
+    def _keep_fetching(self) -> None:
+        """At first, whenever a map is announced, and now and then for what was lost on its way."""
+        while not self._closing.is_set():
+            self._map_wanted.wait(MAP_AGAIN_S)
+            self._map_wanted.clear()
+            try:
+                self._fetch()
+            except (LinkError, RecordRefused):
+                continue
+
+    def _fetch(self) -> None:
+        job = self._answer(self._keys.jobs(self._robot))
+        if job is not None:
+            self._take_job(job)
+        served = self._fetch_map()
+        if served is not None:
+            self._maps.put(served)
+
+    def _fetch_map(self) -> ServedMap | None:
+        """None while there is none, or when another version came in between: it is announced."""
+        version = self._answer(self._keys.map_version())
+        tags = None if version is None else self._answer(self._keys.map_tags())
+        if version is None or tags is None:
+            return None
+        about, all_tags = decode(MapVersion, version), tags_of(tags)
+        if any(tag.version != about.version for tag in all_tags):
+            self._map_wanted.set()
+            return None
+        return ServedMap(site=self._keys.site, version=about, tags=all_tags)
+
+    def _answer(self, key: str) -> bytes | None:
+        if self._link is None or self._closing.is_set():
+            return None
+        replies = self._link.get(key, timeout_s=ANSWER_S)
+        return next((reply.payload for reply in replies if reply.payload is not None), None)
+
+    def _put(self, key: str, payload: bytes) -> None:
+        if self._link is not None:
+            self._link.put(key, payload)
 
     def _open(self) -> Link:
         return Link.open(
@@ -132,3 +238,12 @@ class Uplink:
         except RecordRefused:
             self.malformed += 1
             return None
+
+
+def _drained(queue: "SimpleQueue[T]") -> list[T]:
+    taken: list[T] = []
+    while True:
+        try:
+            taken.append(queue.get_nowait())
+        except Empty:
+            return taken
