@@ -45,11 +45,12 @@ class Archive:
     def _run(self) -> None:
         with SiteStore.open(self._path, self._site, read_only=True) as store:
             while (question := self._questions.get()) is not None:
-                _answer(*question, store)
+                answer(*question, store)
                 del question
 
 
-def _answer(query: Query, lookup: Lookup, store: SiteStore) -> None:
+def answer(query: Query, lookup: Lookup, store: SiteStore) -> None:
+    """Whatever goes wrong, the query is ended."""
     try:
         answers = list(lookup(store))
     except TagmapError as error:

@@ -23,9 +23,10 @@ from tagmap.records import (
 )
 from tagmap.records.base import Message
 from tagmap.service.admin import HANDLERS, Args
-from tagmap.service.archive import Archive, Lookup
+from tagmap.service.archive import Lookup
 from tagmap.service.leasing import Leasing
 from tagmap.service.memories import Memories
+from tagmap.service.ports import Answering
 from tagmap.service.wildcards import covers, is_exact
 from tagmap.store import PoseRow, SiteStore
 
@@ -38,7 +39,7 @@ class Desk:
     """
 
     def __init__(
-        self, keys: Keys, mapper: Mapper, archive: Archive, leasing: Leasing, memories: Memories
+        self, keys: Keys, mapper: Mapper, archive: Answering, leasing: Leasing, memories: Memories
     ) -> None:
         self.keys = keys
         self.mapper = mapper

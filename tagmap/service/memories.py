@@ -4,18 +4,18 @@ Only what is committed is believed, so after a restart the planner knows what it
 """
 
 import math
-import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import structlog
 
+from tagmap.clock import Clock
 from tagmap.errors import RecordRefused
 from tagmap.link.keys import Keys
-from tagmap.link.session import Link
 from tagmap.mapper import Mapper
 from tagmap.records import JobResult, Keyframe, WriteJob, decode, encode
+from tagmap.service.ports import Sending
 from tagmap.store import Batch, Reading, SiteStore
 from tagmap.writeback.map_wishes import wishes
 from tagmap.writeback.planner import Planner, Seer
@@ -42,8 +42,11 @@ class _Glimpse:
 
 
 class Memories:
-    def __init__(self, store: SiteStore, link: Link, keys: Keys, owner: Owner) -> None:
+    def __init__(
+        self, store: SiteStore, link: Sending, keys: Keys, owner: Owner, clock: Clock
+    ) -> None:
         self._store, self._link, self._keys = store, link, keys
+        self._clock = clock
         self._log = structlog.get_logger("memories")
         self._planner = Planner(owner)
         self._glimpses: dict[str, _Glimpse] = {}
@@ -59,12 +62,12 @@ class Memories:
             for sighting in keyframe.sightings:
                 tag, memory = sighting.tag, sighting.memory
                 if memory is not None and memory != self._planner.held(tag):
-                    news[tag] = Reading(tag, keyframe.robot, memory, time.time_ns())
+                    news[tag] = Reading(tag, keyframe.robot, memory, self._clock.utc_ns())
         return list(news.values())
 
     def heard(self, keyframes: Iterable[Keyframe], readings: Iterable[Reading]) -> None:
         """After the commit."""
-        now_s = time.monotonic()
+        now_s = self._clock.monotonic_s()
         for keyframe in keyframes:
             tags = tuple(sighting.tag for sighting in keyframe.sightings)
             self._glimpses[keyframe.robot] = _Glimpse(now_s, tags)
@@ -80,30 +83,31 @@ class Memories:
             self._log.info("job result refused", robot=event.robot, reason=error.reason)
             return
         told = (result.job, result.outcome, result.reason)
-        reading = Reading(result.tag, event.robot, result.read, time.time_ns(), *told)
+        reading = Reading(result.tag, event.robot, result.read, self._clock.utc_ns(), *told)
         self._store.commit(Batch(readings=[reading]))
-        self._planner.answer(event.robot, result, time.monotonic_ns())
+        self._planner.answer(event.robot, result, self._clock.monotonic_ns())
         place = {"tag": result.tag, "robot": event.robot, "job": result.job}
         self._log.info("job answered", outcome=result.outcome, reason=result.reason, **place)
 
     def tick(self, mapper: Mapper) -> None:
         """Once a second: follow the map, and give out jobs."""
-        if time.monotonic() < self._tick_s:
+        if self._clock.monotonic_s() < self._tick_s:
             return
-        self._tick_s = time.monotonic() + TICK_S
+        self._tick_s = self._clock.monotonic_s() + TICK_S
         self._follow(mapper)
-        for order in self._planner.plan(self._seen(mapper), time.monotonic_ns(), time.time_ns()):
+        now_ns, utc_ns = self._clock.monotonic_ns(), self._clock.utc_ns()
+        for order in self._planner.plan(self._seen(mapper), now_ns, utc_ns):
             self._link.put(self._keys.jobs(order.robot), encode(order.job))
             job = order.job
             self._log.info("write-back", tag=job.tag, robot=order.robot, job=job.job)
 
     def job_of(self, robot: str) -> WriteJob | None:
-        return self._planner.job_of(robot, time.monotonic_ns())
+        return self._planner.job_of(robot, self._clock.monotonic_ns())
 
     def states(self, mapper: Mapper) -> list[dict[str, Any]]:
         """For `tagmap tags list --memory`."""
         self._follow(mapper)
-        return [asdict(state) for state in self._planner.states(time.monotonic_ns())]
+        return [asdict(state) for state in self._planner.states(self._clock.monotonic_ns())]
 
     def _follow(self, mapper: Mapper) -> None:
         version = mapper.book.version
@@ -119,7 +123,7 @@ class Memories:
         for robot, glimpse in self._glimpses.items():
             live, number = mapper.live.robots.get(robot), mapper.ingest.robots[robot].number
             T_map_base = live.pose.T_map_base if live is not None and live.pose else None
-            if time.monotonic() - glimpse.heard_s > FRESH_S or robot not in mapper.alive:
+            if self._clock.monotonic_s() - glimpse.heard_s > FRESH_S or robot not in mapper.alive:
                 continue
             if live is None or number is None or T_map_base is None:
                 continue

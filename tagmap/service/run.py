@@ -12,21 +12,18 @@ import structlog
 from tagmap import logs
 from tagmap.errors import LinkError
 from tagmap.link.keys import Keys
-from tagmap.link.query import Query
 from tagmap.link.router import RouterProcess
 from tagmap.link.session import Link
-from tagmap.mapping.draft import Arrival
 from tagmap.mapping.surveying import SurveyedPosition
 from tagmap.service.archive import Archive
 from tagmap.service.inbox import Inbox
-from tagmap.service.memories import JobAnswer
-from tagmap.service.shell import Presence, Service
+from tagmap.service.listening import listen
+from tagmap.service.shell import Service
 from tagmap.service.solver import SolverProcess
 from tagmap.store import Keep, SiteStore
 from tagmap.writeback.wanted import Owner
 
 CAPACITY = 2048
-RING = 2048
 OWN_ROUTER_S = 5.0
 ARCHIVE_STOP_S = 2.0
 
@@ -74,7 +71,7 @@ def _serve(settings: Settings, stopping: threading.Event) -> None:
             store, link, router, solver, archive, inbox, settings.owner, settings.keep
         )
         service.survey(settings.surveys)
-        _listen(link, Keys(settings.site), inbox)
+        listen(link, Keys(settings.site), inbox)
         endpoints = [settings.listen] if settings.listen else list(settings.connect)
         log.info("serving", site=settings.site, db=str(settings.db), endpoints=endpoints)
         service.run(stopping)
@@ -99,34 +96,3 @@ def _archive(settings: Settings) -> Iterator[Archive]:
     archive.start()
     yield archive
     archive.stop(ARCHIVE_STOP_S)
-
-
-def _listen(link: Link, keys: Keys, inbox: Inbox) -> None:
-    """Everything that arrives goes into the inbox, whatever it is."""
-
-    def on_keyframe(key: str, payload: bytes) -> None:
-        inbox.put_arrival(Arrival(keys.robot_of(key) or "", payload))
-
-    def on_presence(key: str, alive: bool) -> None:
-        inbox.put(Presence(keys.robot_of(key) or "", alive))
-
-    def on_result(key: str, payload: bytes) -> None:
-        inbox.put(JobAnswer(keys.robot_of(key) or "", payload))
-
-    def on_query(query: Query) -> None:
-        inbox.put(query)
-
-    link.watch_alive(keys.alive(), on_presence)
-    maps = (keys.map_version(), f"{keys.map_tags()}/**")
-    for key_expr in (
-        keys.ack(),
-        keys.pose(),
-        keys.jobs(),
-        *maps,
-        keys.localize(),
-        keys.lease(),
-        keys.admin(),
-    ):
-        link.serve(key_expr, on_query)
-    link.subscribe(keys.keyframes(), on_keyframe, capacity=RING)
-    link.subscribe(keys.job_results(), on_result, capacity=RING)

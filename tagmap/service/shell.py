@@ -5,30 +5,28 @@ database: it is thrown away and restored from there, and the robots send again.
 """
 
 import threading
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import structlog
 
+from tagmap.clock import Clock
 from tagmap.errors import LinkError, StoreError, TagmapError
 from tagmap.link.keys import Keys
 from tagmap.link.query import Query
 from tagmap.link.router import RouterProcess
-from tagmap.link.session import Link
 from tagmap.mapper import Adoption, Mapper, Outcome
 from tagmap.mapping.draft import Arrival
 from tagmap.mapping.surveying import SurveyedPosition, surveyed
 from tagmap.records import encode
 from tagmap.service.admin import Args, flag
-from tagmap.service.archive import Archive
 from tagmap.service.desk import Desk
-from tagmap.service.inbox import Inbox
 from tagmap.service.leasing import Leasing
 from tagmap.service.memories import JobAnswer, Memories
+from tagmap.service.ports import Answering, Receiving, Sending, Solver
 from tagmap.service.restore import restore
-from tagmap.service.solver import Failed, Solved, SolverProcess
+from tagmap.service.solver import Failed, Solved
 from tagmap.service.solving import Solving
 from tagmap.service.throttle import Throttle
 from tagmap.store import Batch, Keep, Reading, RefusalRow, SiteStore, Survey
@@ -49,33 +47,35 @@ class Presence:
 
 
 class Service:
-    """Everything here runs in the thread that calls `run`."""
+    """Everything here runs in the thread that calls `run`, or `turn` again and again."""
 
     def __init__(
         self,
         store: SiteStore,
-        link: Link,
+        link: Sending,
         router: RouterProcess | None,
-        solver: SolverProcess,
-        archive: Archive,
-        inbox: Inbox,
+        solver: Solver,
+        archive: Answering,
+        inbox: Receiving,
         owner: Owner,
         keep: Keep,
+        clock: Clock | None = None,
     ) -> None:
+        self.clock = clock or Clock()
         self.keep = keep
         self.store, self.link, self.router, self.inbox = store, link, router, inbox
         self.keys = Keys(store.site)
         self.log = structlog.get_logger("service")
         self.throttle = Throttle()
-        self.leasing = Leasing()
+        self.leasing = Leasing(self.clock)
         self.mapper: Mapper = self._restored()
-        self.memories = Memories(store, link, self.keys, owner)
+        self.memories = Memories(store, link, self.keys, owner, self.clock)
         self.desk = Desk(self.keys, self.mapper, archive, self.leasing, self.memories)
         self.desk.commands[("site", "status")] = self._status
         self.desk.commands[("tags", "survey")] = self._survey_one
         self.desk.commands[("tags", "memory")] = self._list_memories
         self.desk.commands[("map", "solve")] = self._solve
-        self.solving = Solving(store, solver, self.desk)
+        self.solving = Solving(store, solver, self.desk, self.clock)
         self.broken_until_s: float | None = None
         self.complained = False
         self.router_check_s = 0.0
@@ -83,18 +83,26 @@ class Service:
 
     def run(self, stopping: threading.Event) -> None:
         while not stopping.is_set():
-            in_a_hurry = self.mapper.is_behind and self.broken_until_s is None
-            events, arrivals = self.inbox.take(BATCH, 0.0 if in_a_hurry else TURN_S)
-            for event in events:
-                if not self._do(self._handle, event):
-                    self._turn_away(event)
-            self._do(self._ingest, arrivals)
-            self._do(self._follow)
-            self._do(self.solving.tick)
-            self._do(self._write_back)
-            self._do(self._let_go)
-            self._keep_router()
-            self._report_flood()
+            self.turn(TURN_S)
+        self.stop()
+
+    def turn(self, wait_s: float) -> None:
+        """Do what there is to do; waits up to `wait_s` for something to arrive."""
+        in_a_hurry = self.mapper.is_behind and self.broken_until_s is None
+        events, arrivals = self.inbox.take(BATCH, 0.0 if in_a_hurry else wait_s)
+        for event in events:
+            if not self._do(self._handle, event):
+                self._turn_away(event)
+        self._do(self._ingest, arrivals)
+        self._do(self._follow)
+        self._do(self.solving.tick)
+        self._do(self._write_back)
+        self._do(self._let_go)
+        self._keep_router()
+        self._report_flood()
+
+    def stop(self) -> None:
+        """After the last turn."""
         self.solving.turn_away("the service stops")
 
     def _do(self, act: Callable[..., None], *arguments: Any) -> bool:
@@ -111,7 +119,7 @@ class Service:
         """Store what is new among `positions`; returns how many that were."""
         new = [p for p in positions if self.mapper.surveys.get(p.tag) != p]
         if new:
-            rows = [Survey(p.tag, p.p_m, p.sigma_m, time.time_ns()) for p in new]
+            rows = [Survey(p.tag, p.p_m, p.sigma_m, self.clock.utc_ns()) for p in new]
             self.store.commit(Batch(surveys=rows))
             self.mapper.surveys.update({p.tag: p for p in new})
             self.solving.cadence.changed()
@@ -139,7 +147,7 @@ class Service:
         outcome = self.mapper.step(arrivals)
         if outcome.has_facts:
             readings = self.memories.readings(outcome.keyframes)
-            self.store.commit(_batch(outcome, readings, time.time_ns()))
+            self.store.commit(_batch(outcome, readings, self.clock.utc_ns()))
             self.memories.heard(outcome.keyframes, readings)
             self._recover()
         for robot, ack in outcome.acks:
@@ -159,7 +167,7 @@ class Service:
         self.memories.tick(self.mapper)
 
     def _adopt(self, result: Solved) -> None:
-        adoption = self.solving.finish(result, self.mapper, time.time_ns())
+        adoption = self.solving.finish(result, self.mapper, self.clock.utc_ns())
         if adoption is not None:
             self.link.put(self.keys.map_version(), encode(adoption.version))
             for tag in adoption.changed:
@@ -182,7 +190,7 @@ class Service:
 
     def _let_go(self) -> None:
         """Of what is too old, a little at a time, and nothing that the solver may be reading."""
-        now_s = time.monotonic()
+        now_s = self.clock.monotonic_s()
         if now_s < self.let_go_s or self.solving.cadence.running is not None:
             return
         went = self.store.archive(self.keep)
@@ -195,19 +203,19 @@ class Service:
             event = "commit failed" if known else "unexpected failure"
             self.log.error(event, reason=str(error), exc_info=None if known else error)
         self.complained = True
-        self.broken_until_s = time.monotonic() + RETRY_S
+        self.broken_until_s = self.clock.monotonic_s() + RETRY_S
 
     def _is_sound(self) -> bool:
         """Restore the mapper some time after something broke; keyframes that arrive meanwhile are
         lost, as on a bad link."""
         if self.broken_until_s is None:
             return True
-        if time.monotonic() < self.broken_until_s:
+        if self.clock.monotonic_s() < self.broken_until_s:
             return False
         try:
             mapper = self._restored()
         except TagmapError:
-            self.broken_until_s = time.monotonic() + RETRY_S
+            self.broken_until_s = self.clock.monotonic_s() + RETRY_S
             return False
         mapper.alive = self.mapper.alive
         self.mapper = self.desk.mapper = mapper
@@ -234,7 +242,7 @@ class Service:
             self._handle(event)
 
     def _keep_router(self) -> None:
-        now_s = time.monotonic()
+        now_s = self.clock.monotonic_s()
         if self.router is None or now_s < self.router_check_s:
             return
         self.router_check_s = now_s + ROUTER_CHECK_S
@@ -250,7 +258,7 @@ class Service:
                 self.log.error("no router", reason=str(error))
 
     def _report_flood(self) -> None:
-        for name, count in self.throttle.turn(time.monotonic()).items():
+        for name, count in self.throttle.turn(self.clock.monotonic_s()).items():
             self.log.warning("more of the same", of=name, count=count)
 
     def _status(self, query: Query, _args: Args) -> None:

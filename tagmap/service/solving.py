@@ -1,29 +1,31 @@
 """When the solver works, who waits for it, and how its result becomes a map version."""
 
-import time
 from dataclasses import asdict
 from typing import Any
 
 import msgspec
 import structlog
 
+from tagmap.clock import Clock
 from tagmap.link.query import Query
 from tagmap.mapper import Adoption, Mapper
 from tagmap.service.cadence import Cadence
 from tagmap.service.desk import Desk
 from tagmap.service.facts import Extent, survey_marks
-from tagmap.service.solver import Failed, Solved, SolverProcess
+from tagmap.service.ports import Solver
+from tagmap.service.solver import Failed, Solved
 from tagmap.store import SiteStore
 
 
 class Solving:
     """`solved` is what the newest map version was made from."""
 
-    def __init__(self, store: SiteStore, solver: SolverProcess, desk: Desk) -> None:
+    def __init__(self, store: SiteStore, solver: Solver, desk: Desk, clock: Clock) -> None:
         self.cadence = Cadence()
         self.solved = _solved_extent(store)
         self.summary: dict[str, Any] | None = _summary(store)
         self._store, self._solver, self._desk = store, solver, desk
+        self._clock = clock
         self._waiting: list[tuple[int, Query]] = []
         self._from_nothing = False
         self._log = structlog.get_logger("solving")
@@ -31,7 +33,7 @@ class Solving:
             self.cadence.changed()
 
     def tick(self) -> None:
-        now_s = time.monotonic()
+        now_s = self._clock.monotonic_s()
         if not self.cadence.is_due(now_s):
             return
         self.cadence.start(now_s)
@@ -56,7 +58,7 @@ class Solving:
         if self.cadence.running is None:
             self._log.info("solver process replaced at the next solve", reason=failed.reason)
             return
-        self.cadence.fail(time.monotonic())
+        self.cadence.fail(self._clock.monotonic_s())
         self._log.error("solve failed", reason=failed.reason, failures=self.cadence.failures)
         self.turn_away(f"the solve failed: {failed.reason}")
 
@@ -75,7 +77,7 @@ class Solving:
             return None
         same = result.extent.substance == self.solved.substance
         if result.solution is None or (same and not result.wanted):
-            self.cadence.finish(time.monotonic())
+            self.cadence.finish(self._clock.monotonic_s())
             return None
         try:
             adoption = mapper.adopt(result.solution, self._cause(result), now_ns)
@@ -87,7 +89,7 @@ class Solving:
             self.fail(Failed(str(error)))
             raise
         self.solved, self.summary = result.extent, summary
-        self.cadence.finish(time.monotonic())
+        self.cadence.finish(self._clock.monotonic_s())
         return adoption
 
     def settle(self) -> None:
