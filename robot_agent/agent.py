@@ -17,6 +17,7 @@ from robot_agent.activation.verdict import Outcome
 from robot_agent.atlas.atlas import Atlas, Chart
 from robot_agent.atlas.onboard import OnBoard
 from robot_agent.atlas.served import ServedMap
+from robot_agent.backoff import Backoff
 from robot_agent.cameras.camera import StereoPair
 from robot_agent.keyframes import Moment, Spacing, is_due
 from robot_agent.naming.hunt import Hunt, Wishes
@@ -117,6 +118,7 @@ class Agent:
         self._lit_ns: dict[str, int] = {}
         self._began_ns: int | None = None
         self._has_more = False
+        self._backoff = Backoff()
         self._before: Moment | None = None
         self._last: Moment | None = None
 
@@ -141,7 +143,7 @@ class Agent:
         self._gate(sky)
         self._recognise(sky)
         outcomes: list[Outcome] = []
-        if frame.is_still and self._shooter is not None:
+        if frame.is_still and self._shooter is not None and not self._backoff.wait_s(1e-9 * now_ns):
             outcomes = yield from self._shoot(self._shooter, sky, now_ns)
         chart = self._remember(sky, outcomes) or chart
         observation = self._keyframe(sky, frame)
@@ -242,6 +244,11 @@ class Agent:
         work = replace(self._work, jobs={tag: job for tag, (job, _) in self._jobs.items()})
         outcomes = yield from turn(shooter, hunt, work, now_ns)
         self._has_more = hunt(outcomes) is not None
+        if outcomes and all(outcome.verdict.kind == "timeout" for outcome in outcomes):
+            # A device is down: each try costs its patience.
+            self._backoff.failed(1e-9 * outcomes[-1].ended_ns)
+        elif outcomes:
+            self._backoff.succeeded()
         for outcome in outcomes:
             if outcome.verdict.tag is not None:
                 self._lit_ns[outcome.verdict.tag] = outcome.ended_ns

@@ -10,6 +10,7 @@ from robot_agent.activation.sides import BOTH, sides
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Verdict, distance_m
 from robot_agent.activation.window import Window, dark, light_up, turn_to
+from robot_agent.laser.interlock import DeviceFailed
 
 
 @dataclass(slots=True)
@@ -39,7 +40,7 @@ def _search(shot: _Shot, target: Target, places: Places, work: Work) -> Act[Verd
         if place.p_beside > rules.most_p_false:
             continue
         if why := (yield from turn_to(place.steps)):
-            return Verdict("refused", why)
+            return Verdict("timeout" if isinstance(why, DeviceFailed) else "refused", why)
         window = yield from _look(shot)
         if window.failed:
             return Verdict("timeout", window.failed)

@@ -26,6 +26,11 @@ Direction: TypeAlias = Callable[[Steps], tuple[float, float]]
 Mark: TypeAlias = tuple[int, int]
 """What both clocks said at one moment."""
 
+
+class DeviceFailed(str):
+    """Why the laser is dark: not that it may not be on, but that the device does not obey."""
+
+
 DONE, TURNS, CHANGES = "done", "the mirrors turn", "the permit changes"
 EXPECTED = (DONE, TURNS, CHANGES)
 
@@ -50,7 +55,8 @@ class Limits:
 
 class Interlock:
     """Owns the device from now on. Every method may be called from any thread; those that return
-    `str | None` say why the laser is dark, None: done. `tell` is given each reason once."""
+    `str | None` say why the laser is dark, None: done; DeviceFailed where the
+    device does not obey. `tell` is given each reason once."""
 
     def __init__(
         self,
@@ -113,11 +119,11 @@ class Interlock:
             if why := self._stopped or self._outside(steps):
                 return why
             if not self._surely_dark:
-                return "the device did not confirm that the laser is off"
+                return DeviceFailed("the device did not confirm that the laser is off")
             try:
                 self.__device.steer(steps)
             except DeviceError as error:
-                return str(error)
+                return DeviceFailed(error)
             self._aimed = True
             return None
 
@@ -128,7 +134,7 @@ class Interlock:
                 why = self._lit(for_s)
             except DeviceError as error:
                 # It may have begun anew, with its mirrors anywhere.
-                why, self._aimed = str(error), False
+                why, self._aimed = DeviceFailed(error), False
             except BaseException:
                 self._darken("an exception")
                 raise
@@ -226,7 +232,7 @@ class Interlock:
         if not self._aimed:
             return "the mirrors were not steered"
         if self._from_ns is None and not self._surely_dark:
-            return "the device did not confirm that the laser is off"
+            return DeviceFailed("the device did not confirm that the laser is off")
         if self._spent_s() + for_s * (1.0 - limits.refill) > limits.dwell_s:
             return f"on for {limits.dwell_s:g} s at a stretch"
         return None

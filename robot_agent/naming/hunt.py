@@ -15,7 +15,7 @@ from robot_agent.activation.choice import PoseBelief, best
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Outcome, distance_m
 from robot_agent.naming.named import Named
-from robot_agent.naming.sky import Sky
+from robot_agent.naming.sky import Pair, Sky
 from robot_agent.naming.standing import Standing, spots_px
 from tagmap.conventions import Array
 from tagmap.geometry import se3
@@ -44,6 +44,7 @@ class Hunt:
     standing: Standing
     _taken: int = 0
     _done: set[str] = field(default_factory=set)
+    _passed: set[Pair] = field(default_factory=set)
 
     def __call__(self, outcomes: Sequence[Outcome]) -> Target | None:
         self.learn(outcomes)
@@ -57,16 +58,16 @@ class Hunt:
 
     def _learn(self, outcome: Outcome) -> None:
         target, verdict = outcome.target, outcome.verdict
-        p_base = self._p_base(target)
         if verdict.kind == "identified" and verdict.tag is not None:
             self._identified(outcome, verdict.tag)
         elif verdict.kind == "false_match" and target.pair not in self.sky.names:
             self.standing.refute(spots_px(self.sky, target.pair))
             self.sky.refute(target.pair)
         else:
-            final = verdict.kind in ("out_of_range", "refused", "false_match")
-            self.standing.tried(p_base, final)
-            self._off_the_list(target)
+            self._passed.add(target.pair)
+            if verdict.kind != "timeout":
+                final = verdict.kind in ("out_of_range", "false_match")
+                self.standing.tried(self._p_base(target), final)
 
     def _identified(self, outcome: Outcome, tag: str) -> None:
         sighting = outcome.sighting()
@@ -104,13 +105,8 @@ class Hunt:
     def _as_known(self, target: Target, named: Named) -> Target:
         return replace(target, names={named.tag: 1.0 - named.p_false})
 
-    def _off_the_list(self, target: Target) -> None:
-        named = self.sky.names.get(target.pair)
-        if named is not None:
-            self._done.add(named.tag)
-
     def _is_vain(self, target: Target) -> bool:
-        return self.standing.is_vain(self._p_base(target))
+        return target.pair in self._passed or self.standing.is_vain(self._p_base(target))
 
     def _p_base(self, target: Target) -> Array:
         return se3.act(self.sky.T_base_cam, target.p_cam)

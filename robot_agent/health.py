@@ -1,0 +1,30 @@
+"""Which devices work: what changes is told once."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import structlog
+
+
+@dataclass(slots=True)
+class Health:
+    """`troubles` by device, as long as they last."""
+
+    robot: str
+    troubles: dict[str, str] = field(default_factory=dict)
+    _log: Any = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._log = structlog.get_logger().bind(robot=self.robot)
+
+    def note(self, device: str, trouble: str | None) -> None:
+        """None: it works. Details may change from time to time, so only the first is told."""
+        before = self.troubles.get(device)
+        if trouble is None:
+            if before is not None:
+                del self.troubles[device]
+                self._log.info(f"{device} works again")
+            return
+        self.troubles[device] = trouble
+        if before is None:
+            self._log.warning(f"{device} failed, going on without", reason=trouble)

@@ -1,0 +1,97 @@
+"""The agent with its devices: grab, know where camera and base are, step, obey what it says."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from robot_agent.activation.commands import Act
+from robot_agent.activation.runner import Devices, carry_out
+from robot_agent.agent import Agent, Frame, News, Report
+from robot_agent.cameras.camera import Failure as CameraFailure
+from robot_agent.cameras.camera import StereoCamera, StereoPair
+from robot_agent.head import Head
+from robot_agent.health import Health
+from robot_agent.odometry.odometry import Odometer, OdomPose
+from robot_agent.pan_tilt.mounting import CameraPose, Mounting
+
+WAIT_S = 0.15
+"""For the readings of head and wheels that follow an exposure."""
+
+
+@dataclass(slots=True)
+class Robot:
+    """`devices` None: there is no laser or no reader. `news` tells what came from the service;
+    `utc_ns` is the clock of exposures and odometry, `now_ns` that of the interlock."""
+
+    agent: Agent
+    cameras: StereoCamera
+    mounting: Mounting
+    odometer: Odometer | None
+    head: Head | None
+    devices: Devices | None
+    news: Callable[[], News]
+    utc_ns: Callable[[], int]
+    now_ns: Callable[[], int]
+    health: Health
+    grab_s: float = 1.0
+    stationary: bool = False
+    moved: Callable[[], None] = field(default=lambda: None)
+
+    def cycle(self) -> Report | None:
+        """None: there was no exposure, or it is not known where the camera was."""
+        pair = self.cameras.grab(self.grab_s)
+        if isinstance(pair, CameraFailure):
+            self.health.note("cameras", f"{pair.reason}: {pair.detail}")
+            return None
+        self.health.note("cameras", None)
+        camera = self.mounting.at(pair.t_ns, WAIT_S)
+        if self.head is not None:
+            self.health.note("pan-tilt", self.head.trouble(camera))
+        if camera is None:
+            return None
+        frame = self._frame(pair, camera)
+        report = self._carried_out(self.agent.step(frame, self.news(), self.now_ns()))
+        self._note_shots(report)
+        if self.head is not None and report.look is not None:
+            self.moved()
+            self.head.turn(report.look, self.now_ns())
+        return report
+
+    def _frame(self, pair: StereoPair, camera: CameraPose) -> Frame:
+        odom = self._odom(pair.t_ns)
+        is_still = self._stands(pair.t_ns)
+        if self.head is not None:
+            is_still &= self.head.is_still(camera.angles, self.now_ns())
+        return Frame(pair, camera, odom, is_still)
+
+    def _odom(self, t_ns: int) -> OdomPose | None:
+        if self.odometer is None:
+            return None
+        pose = self.odometer.at(t_ns, WAIT_S)
+        failure = self.odometer.failure
+        self.health.note("odometry", None if failure is None else failure.detail)
+        return pose
+
+    def _stands(self, t_ns: int) -> bool:
+        """Since before the exposure, and still so."""
+        if self.odometer is None:
+            return self.stationary
+        since_ns = self.odometer.still_since_ns(self.utc_ns())
+        return since_ns is not None and since_ns <= t_ns
+
+    def _carried_out(self, act: Act[Report]) -> Report:
+        if self.devices is not None:
+            return carry_out(act, self.devices)
+        try:
+            next(act)
+        except StopIteration as end:
+            report: Report = end.value
+            return report
+        raise AssertionError("an agent without a laser asks for nothing")
+
+    def _note_shots(self, report: Report) -> None:
+        """A device that fails makes shots time out; one that comes to an end shows it works."""
+        if not report.outcomes:
+            return
+        failed = [o.verdict.reason for o in report.outcomes if o.verdict.kind == "timeout"]
+        all_failed = len(failed) == len(report.outcomes)
+        self.health.note("laser and reader", failed[-1] if all_failed else None)
