@@ -14,8 +14,9 @@ from fleet.benchmarks.metric import Metric
 from fleet.benchmarks.suite import Plan, Suite
 
 if TYPE_CHECKING:
-    from fleet.benchmarks.load import Robot
-    from fleet.benchmarks.watch import Watch
+    from fleet.load.robot import Robot
+    from fleet.load.swarm import Member
+    from fleet.load.watch import Watch
     from tagmap.conventions import Array
 
 Runs: TypeAlias = dict[str, list[float]]
@@ -43,8 +44,8 @@ SAMPLE = Size(robots=2, steady=600, least=1, bursts=1, burst=20)
 
 
 def measure(plan: Plan) -> Runs:
-    from fleet.benchmarks.load import connected
-    from fleet.benchmarks.swarm import swarm
+    from fleet.load.pace import connected
+    from fleet.load.swarm import swarm
     from fleet.running.folder import run_folder
     from fleet.running.supervisor import SitePlan, Supervisor
 
@@ -56,16 +57,18 @@ def measure(plan: Plan) -> Runs:
         supervisor = Supervisor(SitePlan(SITE, folder, folder / "site.db", []), plan.tell)
         try:
             supervisor.start()
-            with connected(supervisor.endpoint, members) as robots:
+            with connected(supervisor.endpoint, [member.hello for member in members]) as robots:
+                for robot, member in zip(robots, members, strict=True):
+                    robot.take(member.keyframes)
                 runs = _latencies(plan, size, supervisor.endpoint, robots)
-                return runs | _capacity(plan, size, robots)
+                return runs | _capacity(plan, size, robots, members)
         finally:
             supervisor.stop()
 
 
 def _latencies(plan: Plan, size: Size, endpoint: str, robots: Sequence["Robot"]) -> Runs:
-    from fleet.benchmarks.load import steady
-    from fleet.benchmarks.watch import watching
+    from fleet.load.pace import steady
+    from fleet.load.watch import watching
 
     plan.tell(f"service: {RATE_HZ:g} keyframes a second each, up to {size.steady}")
     with watching(endpoint, SITE) as watch:
@@ -84,10 +87,7 @@ def by_cycle(robots: Sequence["Robot"], watch: "Watch", least: int) -> Runs:
     """Latencies in each cycle of a solve and the rest after it."""
     import numpy as np
 
-    put_s, ack_s, pose_s = (
-        np.concatenate([getattr(robot, name)[1 : robot.sent + 1] for robot in robots])
-        for name in ("put_s", "ack_s", "pose_s")
-    )
+    put_s, ack_s, pose_s = np.concatenate([robot.times() for robot in robots], axis=1)
     at_rest, cycle = watch.judge(put_s, np.maximum(ack_s, pose_s))
     runs: Runs = {metric.key: [] for metric in LATENCIES}
     for n, solve_s in enumerate(watch.solves_s(), start=1):
@@ -115,10 +115,12 @@ def _compare(rest_s: "Array", solving_s: "Array", solve_s: float) -> dict[str, f
     }
 
 
-def _capacity(plan: Plan, size: Size, robots: Sequence["Robot"]) -> Runs:
+def _capacity(
+    plan: Plan, size: Size, robots: Sequence["Robot"], members: Sequence["Member"]
+) -> Runs:
     """Bursts, each next to what the store alone does with the same keyframes."""
-    from fleet.benchmarks.load import burst
     from fleet.benchmarks.store import BATCH, commit_rate
+    from fleet.load.pace import burst
 
     runs: Runs = {"capacity": [], "capacity_by_store": []}
     for n in range(size.bursts):
@@ -126,7 +128,9 @@ def _capacity(plan: Plan, size: Size, robots: Sequence["Robot"]) -> Runs:
         first = [robot.sent for robot in robots]
         rate = burst(robots, size.burst)
         sent = [
-            k for r, i in zip(robots, first, strict=True) for k in r.member.keyframes[i : r.sent]
+            keyframe
+            for robot, member, i in zip(robots, members, first, strict=True)
+            for keyframe in member.keyframes[i : robot.sent]
         ]
         runs["capacity"].append(rate)
         runs["capacity_by_store"].append(rate / commit_rate(sent, BATCH))

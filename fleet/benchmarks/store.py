@@ -26,7 +26,7 @@ ROBOTS, RATE_HZ, SITE = 4, 10.0, "bench"
 def measure(plan: Plan) -> dict[str, list[float]]:
     """Every round writes the same keyframes in the three ways, each into a new database."""
     from fleet.benchmarks.store_peer import insert_all
-    from fleet.benchmarks.swarm import swarm
+    from fleet.load.swarm import swarm
 
     batches = SAMPLE_BATCHES if plan.sample else BATCHES
     singles = SAMPLE_ONE_BY_ONE if plan.sample else ONE_BY_ONE

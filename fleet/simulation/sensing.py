@@ -82,19 +82,30 @@ def sight(
     T_map_cam: Array, tags: dict[str, Array], seeing: Seeing, rng: np.random.Generator
 ) -> tuple[Sighting, ...]:
     """Sightings of all tags that both cameras see from T_map_cam (4, 4)."""
-    rig = stereo_rig(RIG)
-    p_cam = se3.act(se3.inverse(T_map_cam), np.array(list(tags.values())))
-    px, _ = stereo_model.project(rig, p_cam)
-    distance_m = np.linalg.norm(p_cam, axis=-1)
-    in_range = (distance_m > seeing.range_m[0]) & (distance_m < seeing.range_m[1])
+    px, distance_m, seen = in_view(T_map_cam, np.array(list(tags.values())), seeing)
     names = list(tags)
     sightings = []
-    for i in np.flatnonzero(_in_image(px) & in_range):
-        cov = _spot_covariance(distance_m[i], seeing)
+    for i in np.flatnonzero(seen):
+        cov = spot_covariance(distance_m[i], seeing)
         spot = px[i] + np.linalg.cholesky(cov) @ rng.standard_normal(4)
-        z = Measurement(stereo_px=vector(spot), cov=upper(cov))
-        sightings.append(Sighting(tag=names[i], id_by="laser", p_false=0.001, z=z))
+        sightings.append(sighting(names[i], spot, cov))
     return tuple(sightings)
+
+
+def sighting(tag: str, spot_px: Array, cov: Array) -> Sighting:
+    """Of a tag that was identified by the robot's laser; spot_px (4,), cov (4, 4)."""
+    z = Measurement(stereo_px=vector(spot_px), cov=upper(cov))
+    return Sighting(tag=tag, id_by="laser", p_false=0.001, z=z)
+
+
+def in_view(T_map_cam: Array, p_map: Array, seeing: Seeing) -> tuple[Array, Array, Flags]:
+    """Of tags at p_map (M, 3) from T_map_cam (..., 4, 4): where their spots are without noise
+    (..., M, 4) in px, how far away they are (..., M) in m, and whether both cameras see them."""
+    p_cam = se3.act(se3.inverse(T_map_cam)[..., None, :, :], p_map)
+    px, _ = stereo_model.project(stereo_rig(RIG), p_cam)
+    distance_m = np.linalg.norm(p_cam, axis=-1)
+    in_range = (distance_m > seeing.range_m[0]) & (distance_m < seeing.range_m[1])
+    return px, distance_m, _in_image(px) & in_range
 
 
 def _in_image(px: Array) -> Flags:
@@ -104,34 +115,30 @@ def _in_image(px: Array) -> Flags:
     return inside
 
 
-def _spot_covariance(distance_m: float, seeing: Seeing) -> Array:
+def spot_covariance(distance_m: Array, seeing: Seeing) -> Array:
+    """(..., 4, 4) in px^2 of spots at distances (...)."""
     share = distance_m / seeing.range_m[1]
     sigma_px = seeing.sigma_near_px + share * (seeing.sigma_far_px - seeing.sigma_near_px)
     pattern = np.eye(4) + seeing.correlation * np.eye(4)[[2, 3, 0, 1]]
-    cov: Array = sigma_px**2 * pattern
+    cov: Array = sigma_px[..., None, None] ** 2 * pattern
     return cov
 
 
 def roll(T_prev_cur: Array, wheels: Wheels, rng: np.random.Generator) -> Odometry:
     """The odometry of a true step (4, 4): true = measured exp(delta), delta by the stated cov."""
-    sigma = _step_sigma(se3.log(T_prev_cur), wheels)
+    sigma = step_sigma(se3.log(T_prev_cur), wheels)
     delta = sigma * rng.standard_normal(6)
     measured = T_prev_cur @ se3.exp(-delta)
     return Odometry(T_prev_cur=transform(measured), cov=upper(np.diag(sigma**2)))
 
 
-def _step_sigma(xi: Array, wheels: Wheels) -> Array:
-    """Standard deviations (6,) of a step with tangent `xi`."""
-    way_m, turn_rad = np.linalg.norm(xi[:3]), abs(xi[5])
-    z, roll_rad, pitch_rad = wheels.out_of_plane
+def step_sigma(xi: Array, wheels: Wheels) -> Array:
+    """Standard deviations (..., 6) of steps with tangents `xi` (..., 6)."""
+    way_m, turn_rad = np.linalg.norm(xi[..., :3], axis=-1), np.abs(xi[..., 5])
     yaw = np.hypot(wheels.turn_share * turn_rad + wheels.turn_rad_per_m * way_m, wheels.floor_rad)
-    return np.array(
-        [
-            np.hypot(wheels.forward_share * way_m, wheels.floor_m),
-            np.hypot(wheels.lateral_share * way_m, wheels.floor_m),
-            z,
-            roll_rad,
-            pitch_rad,
-            yaw,
-        ]
-    )
+    sigma = np.empty(xi.shape)
+    sigma[..., 0] = np.hypot(wheels.forward_share * way_m, wheels.floor_m)
+    sigma[..., 1] = np.hypot(wheels.lateral_share * way_m, wheels.floor_m)
+    sigma[..., 2:5] = wheels.out_of_plane
+    sigma[..., 5] = yaw
+    return sigma

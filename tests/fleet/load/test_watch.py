@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.benchmarks.service import by_cycle
-from fleet.benchmarks.watch import Look, Watch
+from fleet.load.watch import Look, Watch
 
 
 def looks(*solving: bool) -> Watch:
@@ -59,13 +59,7 @@ def test_one_run_per_cycle():
     """10 ms at rest, 30 ms while solving; the second solve has no rest after it."""
     put_s = np.array([2.12, 2.22, 4.02, 4.12, 4.62, 4.72])
     ack_s = put_s + np.array([0.03, 0.03, 0.01, 0.01, 0.05, 0.05])
-    nan = [np.nan]
-    robot = SimpleNamespace(
-        sent=6,
-        put_s=np.concatenate([nan, put_s]),
-        ack_s=np.concatenate([nan, ack_s]),
-        pose_s=np.concatenate([nan, ack_s + 0.01]),
-    )
+    robot = SimpleNamespace(times=lambda: np.array([put_s, ack_s, ack_s + 0.01]))
     runs = by_cycle([robot], looks(*REST, *SOLVE, *REST, *SOLVE), least=2)  # type: ignore[list-item]
     assert runs["ack_p50_at_rest_ms"] == pytest.approx([10.0])
     assert runs["ack_p50_solving_by_rest"] == pytest.approx([3.0])
