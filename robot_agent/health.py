@@ -28,3 +28,7 @@ class Health:
         self.troubles[device] = trouble
         if before is None:
             self._log.warning(f"{device} failed, going on without", reason=trouble)
+
+    def tell(self, what: str) -> None:
+        """What the interlock has to say."""
+        self._log.warning("laser", reason=what)

@@ -42,8 +42,7 @@ def run_process(setup: Setup, report: Callable[[Summary], None]) -> None:
         uplink = Uplink(setup.route, Keys(setup.site), setup.robot)
         diary = Diary(setup.robot)
         shell = Shell(Courier(identity, source.introduction), source, outbox, uplink, diary)
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: shell.stop())
+        stop_by_signal(shell)
         uplink.start()
         try:
             shell.run()
@@ -59,3 +58,8 @@ def run_process(setup: Setup, report: Callable[[Summary], None]) -> None:
 def new_session() -> str:
     """Sortable for people; unique by its random part even on a robot without a clock."""
     return f"{time.strftime('%Y%m%dt%H%M%S', time.gmtime())}-{secrets.token_hex(6)}"
+
+
+def stop_by_signal(shell: Shell) -> None:
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: shell.stop())

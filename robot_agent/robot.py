@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from robot_agent.activation.commands import Act
 from robot_agent.activation.runner import Devices, carry_out
 from robot_agent.agent import Agent, Frame, News, Report
@@ -12,9 +14,20 @@ from robot_agent.head import Head
 from robot_agent.health import Health
 from robot_agent.odometry.odometry import Odometer, OdomPose
 from robot_agent.pan_tilt.mounting import CameraPose, Mounting
+from tagmap.conventions import Array
 
 WAIT_S = 0.15
 """For the readings of head and wheels that follow an exposure."""
+
+
+@dataclass(slots=True)
+class Pointing:
+    """Where the camera was at the latest exposure, which the laser rides with; None: not known."""
+
+    T_base_cam: Array | None = None
+
+    def __call__(self) -> Array:
+        return np.full((4, 4), np.nan) if self.T_base_cam is None else self.T_base_cam
 
 
 @dataclass(slots=True)
@@ -34,11 +47,13 @@ class Robot:
     health: Health
     grab_s: float = 1.0
     stationary: bool = False
-    moved: Callable[[], None] = field(default=lambda: None)
+    pointing: Pointing = field(default_factory=Pointing)
+    failure: CameraFailure | None = None
 
     def cycle(self) -> Report | None:
         """None: there was no exposure, or it is not known where the camera was."""
         pair = self.cameras.grab(self.grab_s)
+        self.failure = pair if isinstance(pair, CameraFailure) else None
         if isinstance(pair, CameraFailure):
             self.health.note("cameras", f"{pair.reason}: {pair.detail}")
             return None
@@ -48,11 +63,13 @@ class Robot:
             self.health.note("pan-tilt", self.head.trouble(camera))
         if camera is None:
             return None
+        self.pointing.T_base_cam = camera.T_base_cam
         frame = self._frame(pair, camera)
         report = self._carried_out(self.agent.step(frame, self.news(), self.now_ns()))
         self._note_shots(report)
         if self.head is not None and report.look is not None:
-            self.moved()
+            if self.devices is not None:
+                self.devices.interlock.moved()
             self.head.turn(report.look, self.now_ns())
         return report
 

@@ -1,0 +1,49 @@
+"""Observations of a robot that senses: its cycle hands them over, the shell takes them."""
+
+from collections import deque
+from collections.abc import Sequence
+from itertools import islice
+
+from robot_agent.sources import Source
+from tagmap.records import Introduction, Observation
+
+
+class SensorSource(Source):
+    """One session long: there is nothing to resume. `put` and `end` may be called from any
+    thread."""
+
+    patient = False
+
+    def __init__(self, introduction: Introduction, session: str) -> None:
+        self._introduction = introduction
+        self._session = session
+        self._waiting: deque[Observation] = deque()
+        self._ended = False
+
+    @property
+    def introduction(self) -> Introduction:
+        return self._introduction
+
+    @property
+    def fingerprint(self) -> str:
+        return f"sensors-{self._session}"
+
+    @property
+    def exhausted(self) -> bool:
+        return self._ended and not self._waiting
+
+    def put(self, observation: Observation) -> None:
+        self._waiting.append(observation)
+
+    def end(self) -> None:
+        self._ended = True
+
+    def seek(self, position: int) -> None:
+        """A new session begins at its beginning."""
+
+    def take(self, limit: int, now_ns: int) -> Sequence[Observation]:  # noqa: ARG002
+        count = min(limit, len(self._waiting))
+        taken = list(islice(self._waiting, count))
+        for _ in taken:
+            self._waiting.popleft()
+        return taken
