@@ -1,0 +1,79 @@
+"""What becomes of the tags: where each hangs, and whether it can be seen, at any time."""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.simulation.scenario.happenings import Event
+from fleet.simulation.world.tags import Hanging
+from tagmap.conventions import Array, Mask
+
+
+@dataclass(frozen=True, slots=True)
+class TagsNow:
+    """p, normal (N, 3); open (N,): neither covered nor not there yet; alive (N,): answers."""
+
+    p: Array
+    normal: Array
+    open: Mask
+    alive: Mask
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """`names` (N,) of the scene: duplicates, at the end, have the EPC of another."""
+
+    names: tuple[str, ...]
+    epcs: tuple[str, ...]
+    from_ns: tuple[int, ...]
+    states: tuple[TagsNow, ...]
+
+    def at(self, t_ns: int) -> TagsNow:
+        return self.states[self.number(t_ns)]
+
+    def number(self, t_ns: int) -> int:
+        """How many events came to pass."""
+        return max(0, bisect_right(self.from_ns, t_ns) - 1)
+
+
+def history(hanging: Hanging, events: tuple[Event, ...], start_ns: int) -> History:
+    """Raises ConfigError for tags that there are not."""
+    of_tags = sorted((e for e in events if e.tags), key=lambda event: event.at_s)
+    copies = [event for event in of_tags if event.kind == "duplicated"]
+    of = [hanging.index(event.tags[0], "event.tags") for event in copies]
+    n, extra = len(hanging.names), len(copies)
+    added = [f"{hanging.names[k]}-{number}" for number, k in enumerate(of, 2)]
+    there = np.concatenate([np.ones(n, dtype=bool), np.zeros(extra, dtype=bool)])
+    state = TagsNow(
+        np.concatenate([hanging.p, hanging.p[of]]),
+        np.concatenate([hanging.normal, hanging.normal[of]]),
+        there,
+        there,
+    )
+    from_ns, states = [start_ns], [state]
+    for event in of_tags:
+        index = [hanging.index(ref, "event.tags") for ref in event.tags]
+        if event.kind == "duplicated":
+            index = [n + copies.index(event)]
+        state = _after(event, index, state)
+        from_ns.append(start_ns + round(event.at_s * 1e9))
+        states.append(state)
+    epcs = (*hanging.names, *(hanging.names[k] for k in of))
+    return History((*hanging.names, *added), epcs, tuple(from_ns), tuple(states))
+
+
+def _after(event: Event, index: list[int], before: TagsNow) -> TagsNow:
+    p, normal = before.p.copy(), before.normal.copy()
+    is_open, alive = before.open.copy(), before.alive.copy()
+    if event.kind in ("moved", "duplicated"):
+        p[index] = p[index] + np.array(event.by_m) if event.to_m is None else np.array(event.to_m)
+    if event.kind == "swapped":
+        p[index], normal[index] = before.p[index[::-1]], before.normal[index[::-1]]
+    if event.kind == "duplicated":
+        is_open[index] = alive[index] = True
+    if event.kind in ("covered", "uncovered"):
+        is_open[index] = event.kind == "uncovered"
+    if event.kind == "dead":
+        alive[index] = False
+    return TagsNow(p, normal, is_open, alive)

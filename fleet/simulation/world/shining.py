@@ -1,0 +1,124 @@
+"""From LEDs and lamps to the lights in one camera's pixels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.simulation.scenario.physics import Led, Optics
+from fleet.simulation.world.imager import Lights
+from fleet.simulation.world.mirrors import DIRECT, Apparent, apparent, shown
+from fleet.simulation.world.surroundings import Surroundings
+from tagmap.conventions import Array, Mask
+from tagmap.geometry import se3
+from tagmap.geometry.camera import Camera, project, undistort
+
+MARGIN_PX = 24.0
+"""Spots whose middle is farther outside the image shine into it no more."""
+GRAZING = 0.02
+"""An LED that is seen from so near its plane, as the sine, is not seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """T_map_cam (4, 4) of one camera at the start, the middle and the end of its exposure."""
+
+    start: Array
+    middle: Array
+    end: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """One camera as it is. slope: the largest |ray| that its lens sees."""
+
+    camera: Camera
+    slope: float
+
+
+def eye(camera: Camera) -> Eye:
+    """Beyond the corners the polynomial of the lens means nothing, and folds back."""
+    w, h = camera.width_px + MARGIN_PX, camera.height_px + MARGIN_PX
+    corners = np.array([[-MARGIN_PX, -MARGIN_PX], [w, -MARGIN_PX], [-MARGIN_PX, h], [w, h]])
+    slopes = np.linalg.norm(undistort(camera, corners), axis=-1)
+    return Eye(camera, float(np.nanmax(slopes)))
+
+
+def lights(
+    eye: Eye,
+    view: View,
+    around: Surroundings,
+    robot: str,
+    t_ns: int,
+    led: Led,
+    optics: Optics,
+) -> Lights:
+    """All that shines into the camera at `t_ns`, the middle of the exposure."""
+    spots, flux = _spots(eye, view, around, robot, t_ns, led, optics)
+    ends = [in_image(eye, T, spots.p)[0] for T in (view.start, view.end)]
+    return Lights(ends[0], ends[1], flux, _discs(eye, view.middle, around, robot, t_ns))
+
+
+def _spots(
+    eye: Eye, view: View, around: Surroundings, robot: str, t_ns: int, led: Led, optics: Optics
+) -> tuple[Apparent, Array]:
+    now = around.tags.at(t_ns)
+    seen = apparent(now.p, now.normal, around.mirrors)
+    origin = view.middle[:3, 3]
+    cosine = _towards(seen, origin)
+    may = in_image(eye, view.middle, seen.p)[1] & now.open[seen.source] & (cosine > GRAZING)
+    seen, cosine = seen.only(may), cosine[may]
+    clear = shown(origin, seen, now.p, around.mirrors, around.sight, around.moving(t_ns, robot))
+    seen, cosine = seen.only(clear), cosine[clear]
+    return seen, flux_of(led, optics, seen.p, cosine, view.middle) * _kept(seen, around)
+
+
+def flux_of(led: Led, optics: Optics, p: Array, cosine: Array, T_map_cam: Array) -> Array:
+    """Grey levels (K,) of LEDs at p (K, 3), seen under `cosine` from their axis: by the square of
+    the distance, and by the lens, which is the smaller the farther aside it is seen from."""
+    way = p - T_map_cam[:3, 3]
+    distance = np.linalg.norm(way, axis=-1)
+    lens = np.maximum(way @ T_map_cam[:3, 2], 0.0) / distance
+    on_axis = led.levels_per_s * optics.exposure_s
+    flux: Array = on_axis * np.maximum(cosine, 0.0) ** led.exponent * lens / distance**2
+    return flux
+
+
+def in_image(eye: Eye, T_map_cam: Array, p: Array) -> tuple[Array, Mask]:
+    """Pixels (K, 2) of points (K, 3), and whether they are in the image or hardly outside."""
+    p_cam = se3.act(se3.inverse(T_map_cam), p)
+    px, _ = project(eye.camera, p_cam)
+    size = np.array([eye.camera.width_px, eye.camera.height_px])
+    with np.errstate(invalid="ignore"):
+        aside = np.hypot(p_cam[:, 0], p_cam[:, 1]) <= eye.slope * p_cam[:, 2]
+        inside = ((px >= -MARGIN_PX) & (px <= size - 1 + MARGIN_PX)).all(axis=-1)
+    return px, aside & inside
+
+
+def _towards(seen: Apparent, origin: Array) -> Array:
+    """Cosine (K,) between where each LED looks and where it is seen from."""
+    way = origin - seen.p
+    cosine: Array = (way * seen.normal).sum(-1) / np.linalg.norm(way, axis=-1)
+    return cosine
+
+
+def _kept(seen: Apparent, around: Surroundings) -> Array:
+    """What mirrors leave of the light (K,)."""
+    kept = np.array([1.0] + [plane.reflects for plane in around.mirrors])
+    return kept[seen.mirror - DIRECT]
+
+
+def _discs(eye: Eye, T_map_cam: Array, around: Surroundings, robot: str, t_ns: int) -> Array:
+    """(L, 4) of u, v, radius in px, level."""
+    lamps = around.lamps
+    if not len(lamps.p):
+        return np.zeros((0, 4))
+    seen = apparent(lamps.p, np.zeros_like(lamps.p), around.mirrors)
+    seen = seen.only(in_image(eye, T_map_cam, seen.p)[1])
+    origin = T_map_cam[:3, 3]
+    clear = shown(origin, seen, lamps.p, around.mirrors, around.sight, around.moving(t_ns, robot))
+    seen = seen.only(clear)
+    px, _ = in_image(eye, T_map_cam, seen.p)
+    depth = (seen.p - origin) @ T_map_cam[:3, 2]
+    radius = eye.camera.fx_px * lamps.radius_m[seen.source] / np.maximum(depth, 1e-6)
+    level = lamps.level[seen.source] * _kept(seen, around)
+    return np.column_stack([px, radius, level])

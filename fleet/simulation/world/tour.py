@@ -1,0 +1,112 @@
+"""Where to next: along given points, or through free space at random, where it has not been yet."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fleet.simulation.scenario.fields import Point2
+from fleet.simulation.scenario.robot import Route
+from fleet.simulation.world.sight import Sight
+from tagmap.conventions import Array, Mask
+from tagmap.errors import ConfigError
+
+EVERY_M = 0.15
+"""Distance of the places at which a way is checked."""
+SPARE_M = 0.10
+DRAWS = 400
+CHOICES = 12
+LEGS_M = (1.5, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """Where a robot of this radius and height fits."""
+
+    sight: Sight
+    radius_m: float
+    height_m: float
+
+    def fits(self, at: Array) -> Mask:
+        """(K,) at places (K, 2): inside, and nothing nearer than the radius at two heights."""
+        n, low = len(at), self.radius_m + 0.01
+        eye = np.column_stack([at, np.full(n, low)])
+        up, _ = self.sight.first(eye, np.tile([0.0, 0.0, 1.0], (n, 1)))
+        down, _ = self.sight.first(eye, np.tile([0.0, 0.0, -1.0], (n, 1)))
+        inside: Mask = np.isfinite(up) & np.isfinite(down) & (up > self.height_m - low)
+        for height in (low, max(low, self.height_m - self.radius_m)):
+            inside &= (
+                self.sight.clearance(np.column_stack([at, np.full(n, height)])) > self.radius_m
+            )
+        return inside
+
+    def fits_along(self, here: Array, there: Array) -> bool:
+        """All the way, in a straight line between places (2,)."""
+        n = 2 + int(np.linalg.norm(there - here) / EVERY_M)
+        return bool(self.fits(here + np.linspace(0.0, 1.0, n)[:, None] * (there - here)).all())
+
+
+@dataclass(slots=True)
+class Waypoints:
+    """Over and over: from the last on to the first, or back the way it came."""
+
+    points: tuple[Point2, ...]
+    loop: bool
+    space: Space
+    name: str
+    _number: int = 0
+
+    def next(self, here: Point2) -> Point2:
+        n = len(self.points)
+        self._number += 1
+        k = self._number % (n if self.loop else max(1, 2 * n - 2))
+        there = self.points[k if k < n else 2 * n - 2 - k]
+        if not self.space.fits_along(np.array(here), np.array(there)):
+            raise ConfigError(
+                f"robot {self.name}: it does not fit between {list(np.round(here, 2))} and"
+                f" {list(there)} m, expected {self.space.radius_m:.2f} m free on either side"
+            )
+        return there
+
+
+@dataclass(slots=True)
+class Tour:
+    """Of a few places that can be reached straight away, the one farthest from where it was."""
+
+    route: Route
+    space: Space
+    rng: np.random.Generator
+    name: str
+    _been: list[Array] = field(default_factory=list)
+
+    def start(self) -> Point2:
+        for at in self._draw():
+            if self.space.fits(at[None])[0]:
+                return self._go(at)
+        raise ConfigError(f"robot {self.name}: no free place found for it to start from")
+
+    def next(self, here: Point2) -> Point2:
+        found: list[Array] = []
+        for at in self._draw():
+            far = np.hypot(*(at - here))
+            if LEGS_M[0] <= far <= LEGS_M[1] and self.space.fits_along(np.array(here), at):
+                found.append(at)
+            if len(found) == CHOICES:
+                break
+        if not found:
+            raise ConfigError(
+                f"robot {self.name}: it cannot get away from {list(np.round(here, 2))} m"
+            )
+        been = np.array(self._been)
+        apart = [float(np.hypot(*(been - at).T).min()) for at in found]
+        return self._go(found[int(np.argmax(apart))])
+
+    def _draw(self) -> Array:
+        """(DRAWS, 2)."""
+        sight, area = self.space.sight, self.route.area_m
+        least = sight.least_m[:2] if area is None else np.array(area[:2])
+        most = sight.most_m[:2] if area is None else np.array(area[2:])
+        return self.rng.uniform(least, most, (DRAWS, 2))
+
+    def _go(self, at: Array) -> Point2:
+        self._been.append(at)
+        return float(at[0]), float(at[1])
