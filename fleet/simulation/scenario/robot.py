@@ -56,6 +56,7 @@ class Robot(Table, frozen=True, kw_only=True):
     rig                a preset, or a file beside the scenario
     camera_p_m, camera_pitch_deg  the left camera in base, and how far it looks up; with pan-tilt
                        at angles 0
+    camera_hz          pairs of images per second
     sight_m            farther tags are none of its business
     """
 
@@ -70,5 +71,6 @@ class Robot(Table, frozen=True, kw_only=True):
     clock_drift_ppm: Ppm = 0.0
     body_m: Size3 = (0.5, 0.4, 0.5)
     heading_deg: Degrees = 0.0
+    camera_hz: Rate = 4.0
     sight_m: Length = 8.0
     route: Route = Route()
