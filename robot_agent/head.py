@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from robot_agent.pan_tilt.mounting import CameraPose
-from robot_agent.pan_tilt.poller import Poller
+from robot_agent.pan_tilt.mounting import Angling, CameraPose
 from robot_agent.pan_tilt.unit import Angles, Failure, PanTilt
 
 SAME_RAD = 2e-3
@@ -14,7 +13,7 @@ PATIENCE_NS = 10_000_000_000
 @dataclass(slots=True)
 class Head:
     unit: PanTilt
-    poller: Poller
+    poller: Angling
     _target: Angles | None = None
     _sent_ns: int = 0
     _before: Angles | None = None

@@ -6,13 +6,17 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from robot_agent.agent import News
 from robot_agent.assembly import Company, assemble, atlas_of, check, introduction_of
 from robot_agent.atlas.served import load, save
 from robot_agent.courier import Courier, Identity
 from robot_agent.devices.config import RobotConfig, RobotTable
 from robot_agent.diary import Diary
+from robot_agent.gear import open_gear
 from robot_agent.health import Health
+from robot_agent.laser.watchdog import Watchdog
 from robot_agent.process import new_session, stop_by_signal
 from robot_agent.sensing import Sensing
 from robot_agent.shell import Shell
@@ -48,12 +52,16 @@ def run_robot(setup: RobotSetup, report: Callable[[Summary], None]) -> None:
     cached = load(setup.cache, identity.site)
     if cached is not None:
         atlas.serve(cached)
-    source = SensorSource(introduction_of(config, setup.path), identity.session)
     uplink, diary = Uplink(setup.route, Keys(identity.site), name, senses=True), Diary(name)
     with Outbox.open(setup.outbox, f"{identity.site}/{name}") as outbox, ExitStack() as opened:
         opened.callback(uplink.close)
         company = Company(uplink.lease, lambda: _news(uplink, setup.cache, health))
-        robot = assemble(config, setup.path, atlas, identity.session, company, health, opened)
+        gear = open_gear(config, setup.path, opened)
+        rng = np.random.default_rng()
+        robot = assemble(config, gear, atlas, identity.session, company, health, rng, opened)
+        if robot.devices is not None:
+            opened.enter_context(Watchdog(robot.devices.interlock))
+        source = SensorSource(introduction_of(config, gear.rig), identity.session)
         shell = Shell(Courier(identity, source.introduction), source, outbox, uplink, diary)
         stop_by_signal(shell)
         if robot.devices is not None:

@@ -5,8 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
-from robot_agent.pan_tilt.poller import Poller
-from robot_agent.pan_tilt.unit import Angles
+from robot_agent.pan_tilt.track import Pointing
+from robot_agent.pan_tilt.unit import Angles, Failure
 from tagmap.conventions import Array
 from tagmap.geometry import pan_tilt
 from tagmap.geometry.pan_tilt import PanTiltMount
@@ -20,6 +20,15 @@ class CameraPose:
     T_base_cam: Array
     cov: Array | None
     angles: Angles | None
+
+
+class Angling(Protocol):
+    """Angles at any time, as robot_agent.pan_tilt.poller.Poller tells them."""
+
+    @property
+    def failure(self) -> Failure | None: ...
+
+    def at(self, t_ns: int, wait_s: float = 0.0) -> Pointing | None: ...
 
 
 class Mounting(Protocol):
@@ -40,7 +49,7 @@ class Turning(Mounting):
     """By a unit that somebody polls."""
 
     mount: PanTiltMount
-    poller: Poller
+    poller: Angling
 
     def at(self, t_ns: int, wait_s: float = 0.0) -> CameraPose | None:
         """The reading behind `t_ns` comes a period later, so a fresh exposure has to wait."""
