@@ -9,14 +9,21 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from robot_agent.cameras.folder import FolderConfig
+from robot_agent.cameras.network import NetworkConfig
 from robot_agent.cameras.opencv import OpenCvConfig
+from robot_agent.odometry.udp import UdpConfig
+from robot_agent.odometry.wheels import Wheels
 from robot_agent.pan_tilt.ptu.driver import PtuConfig
 from robot_agent.rfid.llrp.driver import LlrpConfig
+from robot_agent.settings import AgentTable
 from tagmap.errors import ConfigError
 from tagmap.records import toml_file
 from tagmap.records.base import Finite, Name, RobotNumber
+from tagmap.records.hello import CalibrationSigmas
 from tagmap.records.transform import Transform
 
+Reach: TypeAlias = Annotated[float, Meta(gt=0.0, le=1000.0)]
+Sigma: TypeAlias = Annotated[float, Meta(gt=0.0, le=10.0)]
 SiteNumber: TypeAlias = Annotated[int, Meta(ge=1, le=65535)]
 Span: TypeAlias = tuple[
     Annotated[float, Meta(ge=-3.15, le=3.15)], Annotated[float, Meta(ge=-3.15, le=3.15)]
@@ -52,9 +59,11 @@ class RobotTable(_Table, frozen=True):
 class CamerasTable(_Table, frozen=True):
     folder: FolderConfig | None = None
     opencv: OpenCvConfig | None = None
+    network: NetworkConfig | None = None
 
     def __post_init__(self) -> None:
-        _require_one("cameras", {"folder": self.folder, "opencv": self.opencv})
+        drivers = {"folder": self.folder, "opencv": self.opencv, "network": self.network}
+        _require_one("cameras", drivers)
 
 
 class PanTiltTable(_Table, frozen=True):
@@ -87,7 +96,35 @@ class LaserTable(_Table, frozen=True):
 
 
 class RfidTable(_Table, frozen=True):
+    """How far away it hears tags, and writes them; null: nobody knows."""
+
     llrp: LlrpConfig
+    reader_range_m: Reach | None = None
+    write_range_m: Reach | None = None
+
+
+class CalibrationTable(_Table, frozen=True):
+    """What the robot does not know exactly of its sensors, one standard deviation each, see
+    tagmap.records.hello.CalibrationSigmas: the map is solved for it as well."""
+
+    range_scale: Sigma | None = None
+    stereo_scale: Sigma | None = None
+    disparity_px: Sigma | None = None
+    camera_m: Sigma | None = None
+    camera_rad: Sigma | None = None
+    odometry_scale: Sigma | None = None
+    wheel_base: Sigma | None = None
+    time_offset_s: Sigma | None = None
+
+    def sigmas(self) -> CalibrationSigmas:
+        return CalibrationSigmas(**{name: getattr(self, name) for name in self.__struct_fields__})
+
+
+class OdometryTable(_Table, frozen=True):
+    """wheels: how far what they count may be wrong."""
+
+    udp: UdpConfig
+    wheels: Wheels = Wheels()
 
 
 class RobotConfig(_Table, frozen=True):
@@ -101,6 +138,9 @@ class RobotConfig(_Table, frozen=True):
     pan_tilt: PanTiltTable | None = None
     laser: LaserTable | None = None
     rfid: RfidTable | None = None
+    odometry: OdometryTable | None = None
+    calibration: CalibrationTable = CalibrationTable()
+    agent: AgentTable = AgentTable()
 
     def __post_init__(self) -> None:
         if self.pan_tilt is not None and self.T_base_cam is not None:

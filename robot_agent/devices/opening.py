@@ -8,8 +8,9 @@ import numpy as np
 from robot_agent.cameras.camera import Size, StereoCamera
 from robot_agent.devices.config import Placement, RobotConfig
 from robot_agent.laser.interlock import Limits
-from robot_agent.pan_tilt.mounting import Fixed, Mounting, Turning
-from robot_agent.pan_tilt.poller import Poller
+from robot_agent.odometry.odometry import Odometer
+from robot_agent.odometry.wheels import Wheels
+from robot_agent.pan_tilt.mounting import Angling, Fixed, Mounting, Turning
 from robot_agent.pan_tilt.unit import PanTilt
 from robot_agent.rfid.reader import RfidReader
 from tagmap.conventions import Array
@@ -42,6 +43,10 @@ def open_cameras(config: RobotConfig) -> StereoCamera | None:
         from robot_agent.cameras.folder import FolderCamera
 
         return FolderCamera(cameras.folder, expected)
+    if cameras.network is not None:
+        from robot_agent.cameras.network import NetworkCamera
+
+        return NetworkCamera(cameras.network, expected)
     assert cameras.opencv is not None
     from robot_agent.cameras.opencv import OpenCvCamera
 
@@ -73,7 +78,7 @@ def mount_of(config: RobotConfig) -> PanTiltMount | None:
     return PanTiltMount(*map(_matrix, (table.T_base_pan, table.T_pan_tilt, table.T_tilt_cam)))
 
 
-def mounting_of(config: RobotConfig, poller: Poller | None) -> Mounting | None:
+def mounting_of(config: RobotConfig, poller: Angling | None) -> Mounting | None:
     """Where the camera is on the robot at any time; with a pan-tilt unit by its `poller`. None
     where nothing was configured."""
     mount = mount_of(config)
@@ -97,6 +102,20 @@ def required_reader(config: RobotConfig, path: Path) -> RfidReader:
     if reader is None:
         raise ConfigError(f"{path}: no reader is configured, expected [rfid.llrp]")
     return reader
+
+
+def open_odometer(config: RobotConfig) -> Odometer | None:
+    """Listens from now on."""
+    if config.odometry is None:
+        return None
+    from robot_agent.odometry.udp import UdpOdometer
+
+    return UdpOdometer(config.odometry.udp)
+
+
+def wheels_of(config: RobotConfig) -> Wheels:
+    """How far odometry may be wrong; the defaults where none is configured."""
+    return Wheels() if config.odometry is None else config.odometry.wheels
 
 
 def _matrix(placement: Placement) -> Array:

@@ -1,0 +1,1 @@
+"""Cameras that are not there, served over TCP as the agent's network driver asks for them."""

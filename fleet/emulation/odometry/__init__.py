@@ -1,0 +1,1 @@
+"""A base controller that is not there: real datagrams of what its wheels reckon."""

@@ -1,0 +1,2 @@
+"""How the robot drove: poses dead-reckoned by its wheels, whether it stands, and how far to trust
+them."""
