@@ -1,14 +1,14 @@
 """The agent as a process: source, outbox, link and clock around `Courier.step`."""
 
 import threading
-import time
 from collections.abc import Sequence
 
+from robot_agent.carrier import Carrier
 from robot_agent.courier import Courier, Inputs, Outputs, Room
 from robot_agent.diary import Diary
 from robot_agent.flight import Parcel
 from robot_agent.sources import Source
-from robot_agent.uplink import Uplink
+from tagmap.clock import Clock
 from tagmap.errors import DataError
 from tagmap.records import Ack, Observation
 from tagmap.store.outbox import Outbox
@@ -27,13 +27,20 @@ class Shell:
     """
 
     def __init__(
-        self, courier: Courier, source: Source, outbox: Outbox, uplink: Uplink, diary: Diary
+        self,
+        courier: Courier,
+        source: Source,
+        outbox: Outbox,
+        uplink: Carrier,
+        diary: Diary,
+        clock: Clock | None = None,
     ):
         self._courier = courier
         self._source = source
         self._outbox = outbox
         self._uplink = uplink
         self._diary = diary
+        self._clock = clock or Clock()
         self._stop = threading.Event()
         self.damage: DataError | None = None
         self._room = Room(0, 0)
@@ -74,7 +81,7 @@ class Shell:
         connected = self._uplink.connected()
         observations = self._observe()
         outputs = self._courier.step(
-            Inputs(observations, self._load(), acks, connected), time.monotonic_ns()
+            Inputs(observations, self._load(), acks, connected), self._clock.monotonic_ns()
         )
         self._keep(outputs, len(observations))
         self._uplink.send(outputs.send)
@@ -87,7 +94,7 @@ class Shell:
         if self._source.patient and self._pending >= BACKLOG:
             return ()
         try:
-            return self._source.take(CHUNK, time.monotonic_ns())
+            return self._source.take(CHUNK, self._clock.monotonic_ns())
         except DataError as error:
             self._diary.source_damaged(error)
             self.damage = error
@@ -115,11 +122,11 @@ class Shell:
         """A refusal whose acknowledgement was lost is told again in the answer to a question."""
         awaited = set(self._courier.sessions())
         self._uplink.ask(awaited)
-        until_s = time.monotonic() + LAST_WORD_S
-        while awaited and time.monotonic() < until_s and not self._stop.is_set():
+        until_s = self._clock.monotonic_s() + LAST_WORD_S
+        while awaited and self._clock.monotonic_s() < until_s and not self._stop.is_set():
             acks = self._uplink.take(TURN_S)
             awaited -= {ack.session for ack in acks}
-            outputs = self._courier.step(Inputs(acks=acks), time.monotonic_ns())
+            outputs = self._courier.step(Inputs(acks=acks), self._clock.monotonic_ns())
             self._keep(outputs, 0)
             self._diary.refusals(outputs.settle)
 

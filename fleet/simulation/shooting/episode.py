@@ -16,7 +16,7 @@ from fleet.simulation.shooting.robot import devices
 from fleet.simulation.shooting.service import Service, nobody
 from fleet.simulation.shooting.spots import Spots
 from fleet.simulation.shooting.view import Clutter, Seen, look
-from fleet.simulation.shooting.virtual_time import VirtualTime
+from fleet.virtual.virtual_time import VirtualTime
 from robot_agent.activation.aimer import Aimer
 from robot_agent.activation.memory import Work
 from robot_agent.activation.rules import ShotRules

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fleet.simulation.scene.laser import TrueLaser
 from fleet.simulation.scene.reader import SceneReader
 from fleet.simulation.scene.scene import Scene
-from fleet.simulation.shooting.virtual_time import VirtualTime
+from fleet.virtual.virtual_time import VirtualTime
 from robot_agent.activation.runner import Devices
 from robot_agent.laser.device import LaserDevice, Steps
 from robot_agent.laser.interlock import Interlock, Limits

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fleet.simulation.shooting.robot import AskService
-from fleet.simulation.shooting.virtual_time import VirtualTime
+from fleet.virtual.virtual_time import VirtualTime
 from tagmap.arbitration.arbiter import Arbiter
 from tagmap.arbitration.rules import Rules, Station
 from tagmap.conventions import Array

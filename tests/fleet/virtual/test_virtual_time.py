@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.simulation.shooting.virtual_time import VirtualTime
+from fleet.virtual.virtual_time import VirtualTime
 
 
 def test_lives_act_in_the_order_of_time():
