@@ -140,7 +140,7 @@ def _shooter(config: RobotConfig, gear: Gear, rng: np.random.Generator) -> Shoot
         return None
     known = scanner(gear.scanner)
     aimer = Aimer(known, drive(gear.scanner.drive), config.agent.shots.rules())
-    holder = Holder(Rules(), gear.clocks.now_ns())
+    holder = Holder(Rules())
     return Shooter(aimer, holder, rng, online=begin(known))
 
 

@@ -51,21 +51,21 @@ class Shooter:
 
 
 def turn(shooter: Shooter, choose: Choose, work: Work, now_ns: int) -> Act[list[Outcome]]:
-    """Empty where there was no leave to shoot, or nothing to shoot at. Call it again: while the
-    service is silent it asks, after `Holder.is_alone` it listens and blinks."""
+    """Empty where there was no leave to shoot, or nothing to shoot at. Call it again: it always
+    asks the service, and while that is silent, `Holder.is_alone`, it listens and blinks."""
     first = choose([])
     if first is None:
         return []
-    if shooter.holder.is_alone(now_ns):
-        outcomes = yield from _alone(shooter, first, work, now_ns)
-        if outcomes:
-            return outcomes
     try:
-        return (yield from _leased(shooter, choose, work))
+        outcomes = yield from _leased(shooter, choose, work)
     finally:
         if shooter.holder.lease is not None:
             # An exception: the interlock has the laser off.
             shooter.done = shooter.holder.finish(now_ns)
+    reply = yield Wait(now_ns)
+    if shooter.holder.is_alone(reply.now_ns):
+        return (yield from _alone(shooter, first, work, reply.now_ns))
+    return outcomes
 
 
 def _leased(shooter: Shooter, choose: Choose, work: Work) -> Act[list[Outcome]]:

@@ -8,6 +8,10 @@ from dataclasses import dataclass
 
 from tagmap.arbitration.rules import SECOND_NS, Rules
 
+LEAST_UNANSWERED = 5
+LONGEST_GAP_S = 10.0
+"""A robot asks when it stands: pauses up to so long do not break a silence."""
+
 
 @dataclass(slots=True)
 class Holder:
@@ -17,11 +21,14 @@ class Holder:
     asked_ns   when it was asked; None: no question is open
     lease      what it holds, with the laser off from `stop_ns` on
     ask_at_ns  not to ask before
-    heard_ns   when the service last answered, or when this began
+    silent_ns  since when questions have stayed without an answer; None: none has
+    unanswered how many, one after the other
     """
 
     rules: Rules
-    heard_ns: int
+    silent_ns: int | None = None
+    unanswered: int = 0
+    last_ns: int = 0
     ticket: int = 0
     asked_ns: int | None = None
     lease: int | None = None
@@ -34,14 +41,16 @@ class Holder:
     def ask(self, now_ns: int) -> int:
         """The ticket of a new question, to be sent after this; answers to older ones are void."""
         self.ticket += 1
-        self.asked_ns = now_ns
+        if self.silent_ns is None or now_ns - self.last_ns > round(LONGEST_GAP_S * SECOND_NS):
+            self.silent_ns, self.unanswered = now_ns, 0
+        self.asked_ns = self.last_ns = now_ns
         return self.ticket
 
     def take(
         self, ticket: int, lease: int | None, valid_s: float, retry_s: float, now_ns: int
     ) -> None:
         """An answer of the service."""
-        self.heard_ns = now_ns
+        self.silent_ns, self.unanswered = None, 0
         if ticket != self.ticket or self.asked_ns is None:
             return
         asked_ns, self.asked_ns = self.asked_ns, None
@@ -55,6 +64,7 @@ class Holder:
         """No answer came in time: the question is void, and may be asked anew."""
         self.asked_ns = None
         self.ask_at_ns = now_ns
+        self.unanswered += 1
 
     def may_shoot(self, now_ns: int, for_s: float = 0.0) -> bool:
         """Whether the laser may be on from now on for so long."""
@@ -67,6 +77,11 @@ class Holder:
         return lease
 
     def is_alone(self, now_ns: int) -> bool:
-        """No word from the service for longer than a restart takes it to be ready again."""
+        """Several questions in a row were in vain, over longer than a service that was restarted
+        takes to grant again, and the last one just now. A robot that has not asked knows nothing.
+        """
+        if self.silent_ns is None or self.unanswered < LEAST_UNANSWERED:
+            return False
         silence_s = self.rules.patience_s + self.rules.withheld_s(self.rules.max_lease_s)
-        return now_ns - self.heard_ns > round(silence_s * SECOND_NS)
+        is_fresh = now_ns - self.last_ns <= round(self.rules.patience_s * SECOND_NS)
+        return is_fresh and now_ns - self.silent_ns > round(silence_s * SECOND_NS)

@@ -11,7 +11,7 @@ def at(s):
 
 
 def test_the_lease_counts_from_before_asking():
-    holder = Holder(RULES, 0)
+    holder = Holder(RULES)
     ticket = holder.ask(at(5.0))
     assert not holder.may_shoot(at(5.0))
     holder.take(ticket, 7, 1.0, 0.0, at(5.3))
@@ -26,7 +26,7 @@ def test_the_lease_counts_from_before_asking():
 
 
 def test_an_answer_that_took_too_long_is_no_lease():
-    holder = Holder(RULES, 0)
+    holder = Holder(RULES)
     ticket = holder.ask(at(5.0))
     holder.take(ticket, 7, 1.0, 0.0, at(6.0))
     assert not holder.may_shoot(at(6.0))
@@ -34,7 +34,7 @@ def test_an_answer_that_took_too_long_is_no_lease():
 
 
 def test_answers_to_old_questions_are_void():
-    holder = Holder(RULES, 0)
+    holder = Holder(RULES)
     old = holder.ask(at(1.0))
     holder.give_up(at(1.5))
     new = holder.ask(at(1.5))
@@ -47,7 +47,7 @@ def test_answers_to_old_questions_are_void():
 
 
 def test_asking_again_when_told():
-    holder = Holder(RULES, 0)
+    holder = Holder(RULES)
     assert holder.may_ask(at(1.0))
     ticket = holder.ask(at(1.0))
     assert not holder.may_ask(at(1.2))
@@ -56,10 +56,30 @@ def test_asking_again_when_told():
     assert holder.may_ask(at(1.4))
 
 
-def test_alone_after_longer_than_a_restart_takes():
-    holder = Holder(RULES, at(100.0))
-    assert not holder.is_alone(at(102.0))
-    assert holder.is_alone(at(104.0))
+def ask_in_vain(holder, *times_s):
+    for t_s in times_s:
+        holder.ask(at(t_s))
+        holder.give_up(at(t_s + 0.3))
+
+
+def test_alone_after_questions_in_vain_for_longer_than_a_restart_takes():
+    holder = Holder(RULES)
+    ask_in_vain(holder, 100.0, 101.0, 102.0)
+    assert not holder.is_alone(at(102.3))
+    ask_in_vain(holder, 103.0, 103.5)
+    assert holder.is_alone(at(103.8))
     ticket = holder.ask(at(104.0))
     holder.take(ticket, None, 0.0, 0.25, at(104.1))
     assert not holder.is_alone(at(104.2))
+
+
+def test_who_has_not_asked_is_not_alone():
+    holder = Holder(RULES)
+    assert not holder.is_alone(at(1000.0))
+    ask_in_vain(holder, 1000.0)
+    assert not holder.is_alone(at(1000.3))
+    ask_in_vain(holder, 1030.0, 1030.5, 1031.0, 1031.5)
+    assert not holder.is_alone(at(1031.8)), "it was silent for 1.8 s, as far as anybody knows"
+    ask_in_vain(holder, 1034.0)
+    assert holder.is_alone(at(1034.3))
+    assert not holder.is_alone(at(1040.0)), "who knows what is now"

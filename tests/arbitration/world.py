@@ -92,7 +92,7 @@ class World:
     def _robot(self, name):
         clock = self._clock()
         p_m, reach = self.rng.uniform(0.0, self.hall_m, 3), self.rng.choice([20.0, 85.0])
-        return Robot(name, clock, p_m, np.zeros(3), reach, Holder(self.rules, clock.at(0)))
+        return Robot(name, clock, p_m, np.zeros(3), reach, Holder(self.rules))
 
     def _clock(self):
         rate = 1.0 + self.rules.drift * self.rng.choice([-1.0, 1.0, self.rng.uniform(-1.0, 1.0)])
@@ -119,7 +119,7 @@ class World:
     def _tick(self, robot):
         now_ns = robot.clock.at(self.t_ns)
         if self.rng.random() < self.faults.robot_dies:
-            robot.holder, robot.life = Holder(self.rules, now_ns), robot.life + 1
+            robot.holder, robot.life = Holder(self.rules), robot.life + 1
         if self.rng.random() < 0.05:
             direction = self.rng.normal(size=3)
             robot.v_mps = self.rules.speed_mps * direction / np.linalg.norm(direction)

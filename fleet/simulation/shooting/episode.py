@@ -137,7 +137,7 @@ def _life(
     tools = devices(scene, laser, time, int(rng.integers(10**15)), ask)
 
     def life() -> None:
-        shooter = Shooter(Aimer(known, DRIVE, setting.shot), Holder(RULES, tools.now_ns()), rng)
+        shooter = Shooter(Aimer(known, DRIVE, setting.shot), Holder(RULES), rng)
         spots = Spots(robot.seen, shooter.aimer)
         for _ in range(MOST_TURNS):
             if spots.choose([]) is None:

@@ -17,8 +17,8 @@ LEASE = LeaseReply(lease=77, valid_s=2.0, retry_s=0.0)
 WAIT = LeaseReply(lease=None, valid_s=0.0, retry_s=0.2)
 
 
-def shooter(now_ns=0, **more):
-    return Shooter(AIMER, Holder(Rules(), now_ns), np.random.default_rng(0), **more)
+def shooter(**more):
+    return Shooter(AIMER, Holder(Rules()), np.random.default_rng(0), **more)
 
 
 def play(air, who, choose=None):
@@ -87,8 +87,13 @@ def test_without_the_service_it_asks_for_3_s_and_then_blinks():
 
 
 def alone(air):
-    air.now_ns = 10**10
-    return shooter(0)
+    """Who has asked in vain for long enough."""
+    who = shooter()
+    for _ in range(12):
+        who.holder.ask(air.now_ns)
+        air.now_ns += 3 * 10**8
+        who.holder.give_up(air.now_ns)
+    return who
 
 
 def test_alone_a_neighbours_tag_is_not_taken():
@@ -144,7 +149,7 @@ def test_hits_teach_the_scanner():
     places = np.random.default_rng(4).uniform([-1.0, -0.7, 3.0], [1.0, 0.7, 7.0], (8, 3))
     for place in places:
         air = Air({ONE: place}, leases=[LEASE])
-        who.holder = Holder(Rules(), 0)
+        who.holder = Holder(Rules())
         play(air, who, lambda outcomes, place=place: None if outcomes else target(place))
     assert len(who.online.recent) == 8
     assert who.warning is None
@@ -158,6 +163,6 @@ def test_hits_of_one_place_stop_nothing():
     )
     who = shooter(online=known, probe_every=1)
     for _ in range(8):
-        who.holder = Holder(Rules(), 0)
+        who.holder = Holder(Rules())
         (outcome,) = play(Air({ONE: HERE}, leases=[LEASE]), who)
         assert outcome.verdict.kind == "identified"

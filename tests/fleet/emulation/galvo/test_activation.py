@@ -89,7 +89,7 @@ def test_end_to_end():
 
 def identified(devices, work):
     shooter = Shooter(
-        Aimer(SCANNER, DRIVE, RULES), Holder(Rules(), now_ns()), np.random.default_rng(0)
+        Aimer(SCANNER, DRIVE, RULES), Holder(Rules()), np.random.default_rng(0)
     )
     end_s = time.monotonic() + 20.0
     said = []
