@@ -11,7 +11,7 @@ class Led(Table, frozen=True, kw_only=True):
     """levels_per_s: grey levels, summed over the spot, per second of exposure, at 1 m on its axis;
     at an angle a from it by cos(a) ** exponent less."""
 
-    levels_per_s: Rate = 6e6
+    levels_per_s: Rate = 9e6
     exponent: Annotated[float, Meta(ge=0.0, le=50.0)] = 1.0
 
 

@@ -9,7 +9,7 @@ from fleet.simulation.scene.memory import UserMemory
 from fleet.simulation.scene.scene import Scene
 from fleet.simulation.scene.tag import Tag, TagFaults
 from fleet.simulation.world import rig, scanner
-from fleet.simulation.world.boxes import moving_box
+from fleet.simulation.world.boxes import Boxes, boxes, moving_box
 from fleet.simulation.world.building import triangles
 from fleet.simulation.world.chances import stream
 from fleet.simulation.world.clock import RobotClock
@@ -78,7 +78,7 @@ def _motion(
     scenario: Scenario, robot: Robot, name: str, sight: Sight, seed: int, start_ns: int
 ) -> Motion:
     route = robot.route
-    space = Space(sight, half_diagonal_m(robot) + SPARE_M, robot.body_m[2])
+    space = Space(sight, _solid(scenario), half_diagonal_m(robot) + SPARE_M, robot.body_m[2])
     heading = float(np.deg2rad(robot.heading_deg))
     ways: Waypoints | Tour
     if route.waypoints_m:
@@ -91,6 +91,15 @@ def _motion(
     start = np.array([*here, heading])
     jumps = _jumps(scenario, name)
     return drive(route, robot.drive == "omni", ways, start, ticks, jumps, start_ns)
+
+
+def _solid(scenario: Scenario) -> Boxes:
+    return boxes(
+        [
+            (*box.centre_m, float(np.deg2rad(box.heading_deg)), box.size_m, box.bottom_m)
+            for box in scenario.building.box
+        ]
+    )
 
 
 def _jumps(scenario: Scenario, name: str) -> list[Jump]:

@@ -12,10 +12,12 @@ from tagmap.conventions import Array, Mask
 
 @dataclass(frozen=True, slots=True)
 class TagsNow:
-    """p, normal (N, 3); open (N,): neither covered nor not there yet; alive (N,): answers."""
+    """p, normal (N, 3); hung (N,): it is there; open (N,): and not covered; alive (N,): it answers
+    where it is lit."""
 
     p: Array
     normal: Array
+    hung: Mask
     open: Mask
     alive: Mask
 
@@ -50,6 +52,7 @@ def history(hanging: Hanging, events: tuple[Event, ...], start_ns: int) -> Histo
         np.concatenate([hanging.normal, hanging.normal[of]]),
         there,
         there,
+        there,
     )
     from_ns, states = [start_ns], [state]
     for event in of_tags:
@@ -65,15 +68,15 @@ def history(hanging: Hanging, events: tuple[Event, ...], start_ns: int) -> Histo
 
 def _after(event: Event, index: list[int], before: TagsNow) -> TagsNow:
     p, normal = before.p.copy(), before.normal.copy()
-    is_open, alive = before.open.copy(), before.alive.copy()
+    hung, is_open, alive = before.hung.copy(), before.open.copy(), before.alive.copy()
     if event.kind in ("moved", "duplicated"):
         p[index] = p[index] + np.array(event.by_m) if event.to_m is None else np.array(event.to_m)
     if event.kind == "swapped":
         p[index], normal[index] = before.p[index[::-1]], before.normal[index[::-1]]
     if event.kind == "duplicated":
-        is_open[index] = alive[index] = True
+        hung[index] = is_open[index] = alive[index] = True
     if event.kind in ("covered", "uncovered"):
         is_open[index] = event.kind == "uncovered"
     if event.kind == "dead":
         alive[index] = False
-    return TagsNow(p, normal, is_open, alive)
+    return TagsNow(p, normal, hung, is_open, alive)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from fleet.simulation.world.chances import stream
 from tagmap.conventions import Index
 
-FRAMES = 6
+FRAMES = 4
 FULL_SCALE = 255
 
 

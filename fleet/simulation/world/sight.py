@@ -21,6 +21,8 @@ class Sight:
         self._tensor = library.core.Tensor
         self._scene = library.t.geometry.RaycastingScene(nthreads=1)
         self._scene.add_triangles(self._tensor(building.corners), self._tensor(building.faces))
+        # What it builds on the first question it builds now, before there are threads.
+        self.clearance(np.zeros((1, 3)))
         self.least_m = building.corners.min(axis=0).astype(np.float64)
         self.most_m = building.corners.max(axis=0).astype(np.float64)
 

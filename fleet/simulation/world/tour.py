@@ -6,6 +6,7 @@ import numpy as np
 
 from fleet.simulation.scenario.fields import Point2
 from fleet.simulation.scenario.robot import Route
+from fleet.simulation.world.boxes import Boxes
 from fleet.simulation.world.sight import Sight
 from tagmap.conventions import Array, Mask
 from tagmap.errors import ConfigError
@@ -20,9 +21,10 @@ LEGS_M = (1.5, 10.0)
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """Where a robot of this radius and height fits."""
+    """Where a robot of this radius and height fits; `solid` has no room inside."""
 
     sight: Sight
+    solid: Boxes
     radius_m: float
     height_m: float
 
@@ -32,7 +34,13 @@ class Space:
         eye = np.column_stack([at, np.full(n, low)])
         up, _ = self.sight.first(eye, np.tile([0.0, 0.0, 1.0], (n, 1)))
         down, _ = self.sight.first(eye, np.tile([0.0, 0.0, -1.0], (n, 1)))
-        inside: Mask = np.isfinite(up) & np.isfinite(down) & (up > self.height_m - low)
+        lid = eye + np.array([0.0, 0.0, self.height_m])
+        inside: Mask = (
+            ~self.solid.block(eye, lid)
+            & np.isfinite(up)
+            & np.isfinite(down)
+            & (up > self.height_m - low)
+        )
         for height in (low, max(low, self.height_m - self.radius_m)):
             inside &= (
                 self.sight.clearance(np.column_stack([at, np.full(n, height)])) > self.radius_m
@@ -62,8 +70,8 @@ class Waypoints:
         there = self.points[k if k < n else 2 * n - 2 - k]
         if not self.space.fits_along(np.array(here), np.array(there)):
             raise ConfigError(
-                f"robot {self.name}: it does not fit between {list(np.round(here, 2))} and"
-                f" {list(there)} m, expected {self.space.radius_m:.2f} m free on either side"
+                f"robot {self.name}: it does not fit between {_shown(here)} and"
+                f" {_shown(there)} m, expected {self.space.radius_m:.2f} m free on either side"
             )
         return there
 
@@ -93,9 +101,7 @@ class Tour:
             if len(found) == CHOICES:
                 break
         if not found:
-            raise ConfigError(
-                f"robot {self.name}: it cannot get away from {list(np.round(here, 2))} m"
-            )
+            raise ConfigError(f"robot {self.name}: it cannot get away from {_shown(here)} m")
         been = np.array(self._been)
         apart = [float(np.hypot(*(been - at).T).min()) for at in found]
         return self._go(found[int(np.argmax(apart))])
@@ -110,3 +116,7 @@ class Tour:
     def _go(self, at: Array) -> Point2:
         self._been.append(at)
         return float(at[0]), float(at[1])
+
+
+def _shown(at: Point2) -> str:
+    return f"({at[0]:.2f}, {at[1]:.2f})"

@@ -39,7 +39,11 @@ class World:
         """The true places (3,) of all tags that hang at `t_ns`, by name; copies are `<epc>-<n>`."""
         now = self.around.tags.at(t_ns)
         names = self.around.tags.names
-        return {name: p for name, p, alive in zip(names, now.p, now.open, strict=True) if alive}
+        return {name: p for name, p, hung in zip(names, now.p, now.hung, strict=True) if hung}
+
+    def epc(self, name: str) -> str:
+        """What a reader hears of it."""
+        return self.scene.tag(name).epc
 
 
 def _place(T: Array) -> Place:
