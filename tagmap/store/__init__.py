@@ -1,7 +1,7 @@
 """SQLite: the site database and the agent's outbox. The only room that knows about it."""
 
 from tagmap.store.archive import Keep
-from tagmap.store.batch import Batch, Inserted, Reading, RefusalRow, Survey
+from tagmap.store.batch import Batch, Inserted, MemorySurvey, Reading, RefusalRow, Survey
 from tagmap.store.outbox import Outbox, OutboxCounts, RefusedMessage
 from tagmap.store.rows import (
     Condensed,
@@ -22,6 +22,7 @@ __all__ = [
     "Inserted",
     "Keep",
     "MemoryRow",
+    "MemorySurvey",
     "Outbox",
     "OutboxCounts",
     "PoseRow",

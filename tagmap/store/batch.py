@@ -19,11 +19,30 @@ class RefusalRow:
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """A tag measured by other means: position in map (3 numbers, 2 in the plane), isotropic."""
+    """A tag measured by other means: position in map (3 numbers, 2 in the plane), isotropic.
+
+    cov    packed, of all three axes, where it is not isotropic; sigma_m is then the largest
+    robot  who read it in the tag's own memory; None: an operator told it
+    """
 
     tag: str
     p_m: Vector
     sigma_m: float
+    t_ns: int
+    cov: Vector | None = None
+    robot: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MemorySurvey:
+    """What is made of a tag's memory: position (3) and packed covariance (6) that people surveyed,
+    and who read it; all None: its memory does not say so any more.
+    """
+
+    tag: str
+    p_m: Vector | None
+    cov: Vector | None
+    robot: str | None
     t_ns: int
 
 
@@ -56,6 +75,7 @@ class Batch:
     refusals: list[RefusalRow] = field(default_factory=list)
     surveys: list[Survey] = field(default_factory=list)
     readings: list[Reading] = field(default_factory=list)
+    memory_surveys: list[MemorySurvey] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,6 +138,14 @@ def _surveys(db: Connection) -> Iterator[str]:
             check_finite("sigma_m", [sigma_m], [1])
         except _INVALID as error:
             yield f"survey of tag {tag}: {error}"
+    for tag, p_m, cov in db.rows("SELECT tag, p_m, cov FROM memory_surveys"):
+        if p_m is None and cov is None:
+            continue
+        try:
+            check_finite("p_m", unpack(p_m), [3])
+            check_covariance("cov", unpack(cov), 3)
+        except _INVALID as error:
+            yield f"survey in the memory of tag {tag}: {error}"
 
 
 def _maps(db: Connection) -> Iterator[str]:

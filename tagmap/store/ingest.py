@@ -6,7 +6,7 @@ it: the row stays, as all rows do, and is no longer read.
 """
 
 from tagmap.records import Hello, Keyframe, Sighting, encode
-from tagmap.store.batch import Batch, Inserted, Reading, RefusalRow, Survey
+from tagmap.store.batch import Batch, Inserted, MemorySurvey, Reading, RefusalRow, Survey
 from tagmap.store.blobs import pack, pack_transform
 from tagmap.store.connection import Connection, Row
 
@@ -33,6 +33,7 @@ _READING = (
     "INSERT INTO memory_readings (tag, robot_id, memory, t_ns, job, outcome, reason) "
     "VALUES (?, ?, ?, ?, ?, ?, ?)"
 )
+_MEMORY_SURVEY = "INSERT INTO memory_surveys (tag, p_m, cov, robot_id, t_ns) VALUES (?, ?, ?, ?, ?)"
 
 
 def insert_batch(db: Connection, batch: Batch) -> Inserted:
@@ -43,6 +44,7 @@ def insert_batch(db: Connection, batch: Batch) -> Inserted:
     refusals = sum(_insert_refusal(db, ids, refusal) for refusal in batch.refusals)
     surveys = db.executemany(_SURVEY, map(_survey_row, batch.surveys))
     db.executemany(_READING, [_reading_row(ids, reading) for reading in batch.readings])
+    db.executemany(_MEMORY_SURVEY, [_memory_row(ids, survey) for survey in batch.memory_surveys])
     return Inserted(hellos, keyframes, sightings, refusals, surveys)
 
 
@@ -148,4 +150,14 @@ def _reading_row(ids: _Ids, reading: Reading) -> Row:
         reading.job,
         reading.outcome,
         reading.reason,
+    )
+
+
+def _memory_row(ids: _Ids, survey: MemorySurvey) -> Row:
+    return (
+        survey.tag,
+        None if survey.p_m is None else pack(survey.p_m),
+        None if survey.cov is None else pack(survey.cov),
+        None if survey.robot is None else ids.robot(survey.robot),
+        survey.t_ns,
     )

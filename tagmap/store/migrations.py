@@ -337,6 +337,22 @@ def archiving(db: "Database") -> None:
     )
 
 
+def memory_surveys(db: "Database") -> None:
+    """What people surveyed as tags tell it, the last row of a tag counts; without a position its
+    memory says so no more. A tag that operators surveyed keeps what they said.
+    """
+    db.execute(
+        """CREATE TABLE memory_surveys (
+            id INTEGER PRIMARY KEY,
+            tag TEXT NOT NULL,
+            p_m BLOB,
+            cov BLOB,
+            robot_id INTEGER REFERENCES robots (id),
+            t_ns INTEGER NOT NULL)"""
+    )
+    _append_only(db, "memory_surveys")
+
+
 def outbox(db: "Database") -> None:
     """An agent's messages until they are settled, and where its sources were.
 
@@ -364,5 +380,9 @@ def outbox(db: "Database") -> None:
         )
 
 
-SITE = Schema("site", 0x7461676D, (observations, maps, memories, condensing, archiving))
+SITE = Schema(
+    "site",
+    0x7461676D,
+    (observations, maps, memories, condensing, archiving, memory_surveys),
+)
 OUTBOX = Schema("outbox", 0x7461676F, (outbox,))

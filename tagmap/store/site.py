@@ -6,10 +6,9 @@ from typing import Any, Self
 
 from tagmap.errors import RecordRefused, StoreError
 from tagmap.records import Hello, Keyframe, MapVersion, Tag, decode
-from tagmap.store import archive, condensed, keyframes, maps
+from tagmap.store import archive, condensed, keyframes, maps, surveys
 from tagmap.store.archive import Keep
-from tagmap.store.batch import Batch, Inserted, RefusalRow, Survey
-from tagmap.store.blobs import unpack
+from tagmap.store.batch import Batch, Inserted, MemorySurvey, RefusalRow, Survey
 from tagmap.store.connection import Connection
 from tagmap.store.ingest import insert_batch
 from tagmap.store.migrations import SITE, open_for_reading, open_for_writing
@@ -183,11 +182,22 @@ class SiteStore:
         return list(keyframes.read_session(self._db, self.site, robot, session, from_seq))
 
     def surveys(self) -> list[Survey]:
-        """The latest one of each tag, in the order of tag ids."""
+        """Those in force, in the order of tag ids: what an operator told last, else what the tag's
+        own memory says."""
+        return surveys.read(self._db)
+
+    def memory_surveys(self) -> list[MemorySurvey]:
+        """What the memories say of all tags, also of those that operators surveyed."""
+        return surveys.read_memories(self._db)
+
+    def readings(self) -> Iterator[tuple[str, bytes, str]]:
+        """Tag, memory and robot of every memory that was ever read, as it was stored."""
         rows = self._db.rows(
-            "SELECT tag, p_m, sigma_m, max(t_ns) FROM surveys GROUP BY tag ORDER BY tag"
+            "SELECT tag, memory, robots.name FROM memory_readings "
+            "JOIN robots ON robots.id = robot_id WHERE memory IS NOT NULL "
+            "ORDER BY memory_readings.id"
         )
-        return [Survey(tag, unpack(p_m), sigma_m, t_ns) for tag, p_m, sigma_m, t_ns in rows]
+        yield from rows
 
     def memories(self) -> list[MemoryRow]:
         """Of each tag whose memory was ever read, in the order of tag ids.

@@ -89,7 +89,19 @@ def test_an_empty_site(path: Path) -> None:
         ),
         ("DROP INDEX keyframe_poses_by_time", "schema: keyframe_poses_by_time is missing"),
         ("ALTER TABLE surveys ADD COLUMN mood TEXT", "schema: surveys is not as the migrations"),
-        ("DELETE FROM _sqlite_migrations WHERE name = 'archiving'", "lacks archiving"),
+        (
+            "INSERT INTO memory_surveys (tag, p_m, t_ns) VALUES ('tag1', zeroblob(24), 1)",
+            "survey in the memory of tag tag1",
+        ),
+        (
+            "INSERT INTO memory_surveys (tag, p_m, cov, t_ns) "
+            "VALUES ('tag1', zeroblob(24), zeroblob(48), 1)",
+            "cov is not a positive definite 3x3",
+        ),
+        (
+            "DELETE FROM _sqlite_migrations WHERE name = 'memory_surveys'",
+            "lacks memory_surveys",
+        ),
     ],
 )
 def test_each_corruption_is_found(
