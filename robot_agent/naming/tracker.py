@@ -3,7 +3,8 @@
 Every trace is a place in base with a covariance, which moves with the odometry. A spot is a
 trace's when it fits, and when neither has a rival that fits nearly as well. The doubt that each
 step adds is that the tag has gone out of sight and another spot stands where it would be: the
-volume of the gate times how densely spots are strewn, times how often a tag is not seen.
+volume of the gate times how densely spots are strewn, times how likely it is to have gone, which
+is much for one that was out of sight before and little for one that was seen a moment ago.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ from tagmap.records.keyframe import Odometry
 FITS, RIVALS = 16.3, 25.0
 """chi2 with 3 degrees of freedom: a true one exceeds the first once in 1000, the second 1.5e-5."""
 PER_M3 = 0.1
-P_UNSEEN = 0.1
+P_GONE, P_GOES = 0.1, 1e-3
 MOST_P_FALSE = 1e-3
 LONGEST_UNSEEN = 5
 _BALL = 4.0 / 3.0 * np.pi
@@ -64,7 +65,8 @@ class Tracker:
         if traces and len(p_base):
             chi2, volume = _distances(traces, p_base, cov)
             for t, k in np.argwhere(_is_clear(chi2)).tolist():
-                p_false = traces[t].p_false + P_UNSEEN * PER_M3 * float(volume[t, k])
+                p_gone = P_GONE if traces[t].unseen else P_GOES
+                p_false = traces[t].p_false + p_gone * PER_M3 * float(volume[t, k])
                 if p_false <= MOST_P_FALSE:
                     found[k] = Named(traces[t].tag, "track", p_false)
                     self.keep(traces[t].tag, p_base[k], cov[k], p_false)
