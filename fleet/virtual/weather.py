@@ -1,0 +1,92 @@
+"""What a connection does to the messages that pass it, repeatably."""
+
+import random
+from dataclasses import dataclass
+from typing import TypeAlias
+
+MS_NS = 1_000_000
+
+Parts: TypeAlias = tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """Of one participant's connection with the router; all but the last two in each direction.
+
+    fastest_ms, slowest_ms  how long a message takes; they arrive in the order in which they left
+    lost, doubled           probabilities, of a message
+    late, late_ms           probability that it is overtaken by all that follow for so long
+    torn                    probability that it is cut short: nobody can decode it
+    flipped                 probability that one bit of it is another one. What comes out may be a
+                            valid message that nobody can tell from a true one
+    per_s, queue            so many messages a second go to the participant, and so many wait; what
+                            comes then is dropped: a slow consumer. None: any number
+    """
+
+    fastest_ms: float = 1.0
+    slowest_ms: float = 5.0
+    lost: float = 0.0
+    doubled: float = 0.0
+    late: float = 0.0
+    late_ms: float = 500.0
+    torn: float = 0.0
+    flipped: float = 0.0
+    per_s: float | None = None
+    queue: int = 1024
+
+
+CALM = Weather()
+
+
+class Way:
+    """One direction of a connection."""
+
+    def __init__(self, weather: Weather, seed: str, per_s: float | None = None) -> None:
+        self._weather, self._per_s = weather, per_s
+        self._rng = random.Random(seed)
+        self._last_ns: dict[str, int] = {}
+        self._free_ns = 0.0
+
+    def carry(self, t_ns: int, parts: Parts, sender: str) -> list[tuple[int, Parts]]:
+        """When a message that leaves at `t_ns` arrives, how often, and what has become of it."""
+        weather, chance = self._weather, self._rng.random
+        if chance() < weather.lost or not self._has_room(t_ns):
+            return []
+        copies = 2 if chance() < weather.doubled else 1
+        return [(self._arrival(t_ns, sender), self._spoilt(parts)) for _ in range(copies)]
+
+    def takes_ns(self) -> int:
+        """Of a message that is neither lost nor spoilt: routers see to those."""
+        weather = self._weather
+        return round(self._rng.uniform(weather.fastest_ms, weather.slowest_ms) * MS_NS)
+
+    def _arrival(self, t_ns: int, sender: str) -> int:
+        """Order is kept between two participants."""
+        arrival_ns = max(t_ns + self.takes_ns(), self._last_ns.get(sender, 0), round(self._free_ns))
+        if self._rng.random() < self._weather.late:
+            return arrival_ns + round(self._rng.uniform(0.0, self._weather.late_ms) * MS_NS)
+        self._last_ns[sender] = arrival_ns
+        return arrival_ns
+
+    def _has_room(self, t_ns: int) -> bool:
+        if self._per_s is None:
+            return True
+        each_ns = 1e9 / self._per_s
+        if self._free_ns - t_ns > self._weather.queue * each_ns:
+            return False
+        self._free_ns = max(self._free_ns, t_ns) + each_ns
+        return True
+
+    def _spoilt(self, parts: Parts) -> Parts:
+        chance = self._rng.random
+        if chance() < self._weather.torn:
+            parts = tuple(
+                part[: self._rng.randrange(len(part))] if part else part for part in parts
+            )
+        if chance() < self._weather.flipped:
+            parts = tuple(self._flipped(part) if part else part for part in parts)
+        return parts
+
+    def _flipped(self, part: bytes) -> bytes:
+        at, bit = self._rng.randrange(len(part)), 1 << self._rng.randrange(8)
+        return part[:at] + bytes([part[at] ^ bit]) + part[at + 1 :]
