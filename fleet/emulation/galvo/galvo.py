@@ -1,19 +1,37 @@
 """What the emulated laser does with each datagram. Time is passed in."""
 
+import threading
 from dataclasses import replace
+from typing import Protocol
 
-from fleet.simulation.scene.laser import TrueLaser
 from fleet.simulation.scene.scene import Scene
 from robot_agent.laser.datagram import LONGEST_US, BadDatagram, Datagram, Op, Refusal, decode
+from robot_agent.laser.device import Steps
+from tagmap.geometry.scanner.drive import Drive
 
 US = 1000
 
 
-class EmulatedGalvo:
-    """`laser` of `scene`. Its clock began at `start_ns`, which nobody is told."""
+class Beam(Protocol):
+    """As fleet.simulation.scene.laser.TrueLaser has it."""
 
-    def __init__(self, scene: Scene, laser: TrueLaser, start_ns: int) -> None:
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def drive(self) -> Drive: ...
+
+    def on(self, scene: Scene, steps: Steps, /) -> list[str]:
+        """Names of the tags on which the beam of these steps is now."""
+
+
+class EmulatedGalvo:
+    """`laser` of `scene`. Its clock began at `start_ns`, which nobody is told. Any thread may call
+    it."""
+
+    def __init__(self, scene: Scene, laser: Beam, start_ns: int) -> None:
         self._scene, self._laser, self._start_ns = scene, laser, start_ns
+        self._lock = threading.Lock()
         self._session, self._number = -1, 0
         self._steps = (1 << (laser.drive.dac_bits - 1),) * 2
         self._until_us = 0
@@ -26,9 +44,23 @@ class EmulatedGalvo:
             return None
         if command.answer:
             return None
-        refusal = self._obey(command, self._us(now_ns), now_ns)
+        with self._lock:
+            return self._answer(command, now_ns).encode()
+
+    def carried(self, now_ns: int) -> None:
+        """What carries the laser, or what it shines on, may have moved."""
+        with self._lock:
+            if self._us(now_ns) < self._until_us:
+                self._shine(now_ns)
+
+    def power_off(self, now_ns: int) -> None:
+        with self._lock:
+            self._dark(now_ns)
+
+    def _answer(self, command: Datagram, now_ns: int) -> Datagram:
         now_us = self._us(now_ns)
-        answer = replace(
+        refusal = self._obey(command, now_us, now_ns)
+        return replace(
             command,
             time_us=now_us,
             steps=self._steps,
@@ -36,7 +68,6 @@ class EmulatedGalvo:
             refusal=refusal,
             answer=True,
         )
-        return answer.encode()
 
     def _us(self, now_ns: int) -> int:
         return (now_ns - self._start_ns) // US
