@@ -63,7 +63,7 @@ class Odometer(Protocol):
     def at(self, t_ns: int, wait_s: float = 0.0) -> OdomPose | None:
         """The pose at `t_ns`, UTC: interpolated between two readings that are not far apart, never
         extrapolated. The reading after `t_ns` may still be on its way: it is waited for no longer
-        than `wait_s`, and not at all while there is a failure."""
+        than `wait_s`, and not at all while no readings come that can be trusted."""
 
     def still_since_ns(self, now_ns: int) -> int | None:
         """Since when, in UTC of the readings, the robot has stood still. None: it moves, or its

@@ -92,7 +92,8 @@ class UdpOdometer(Odometer):
 
     def probe(self) -> OdometerInfo | Failure:
         with self._news:
-            self._news.wait_for(lambda: self._hearing.rate_hz(MEASURED_S), PROBE_S)
+            is_over = self._stopping.is_set
+            self._news.wait_for(lambda: is_over() or self._hearing.rate_hz(MEASURED_S), PROBE_S)
             failure, rate_hz = self._failure(), self._hearing.rate_hz(0.0)
             if failure is not None:
                 return failure
@@ -109,7 +110,7 @@ class UdpOdometer(Odometer):
     def at(self, t_ns: int, wait_s: float = 0.0) -> OdomPose | None:
         with self._news:
             track = self._hearing.track
-            self._news.wait_for(lambda: self._failure() or track.reaches(t_ns), wait_s)
+            self._news.wait_for(lambda: self._unheard() or track.reaches(t_ns), wait_s)
             return track.at(t_ns)
 
     def still_since_ns(self, now_ns: int) -> int | None:
@@ -128,6 +129,10 @@ class UdpOdometer(Odometer):
     def _failure(self) -> Failure | None:
         if self._fault is not None:
             return self._failed("fault", self._fault)
+        return self._unheard()
+
+    def _unheard(self) -> Failure | None:
+        """Why there are no readings to trust."""
         if self._deaf is not None:
             return self._failed("not_listening", self._deaf)
         wrong = self._hearing.wrong(time.monotonic_ns())

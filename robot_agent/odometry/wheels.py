@@ -57,11 +57,12 @@ def covariance(xi: Array, way_m: float, turn_rad: float, wheels: Wheels) -> Arra
     adjoint, so steps along one arc add up to the whole (Sola, Deray, Atchuthan, A micro Lie
     theory, 2018, section V). Of a way that is longer than the arc nothing but its length is known:
     a heading that was wrong on a detour of length d counts with the lever of one out and back,
-    whose mean square is d^2 / 12.
+    whose mean square is d^2 / 12. After more than half a turn the arc is not known either.
     """
+    arc_m = float(np.linalg.norm(xi[:3])) if turn_rad < math.pi else 0.0
     yaw_var = wheels.turn_share**2 * turn_rad + wheels.turn_rad_per_m**2 * way_m
     yaw_var = min(yaw_var, NOTHING_KNOWN_RAD2)
-    detour_var = yaw_var * max(0.0, way_m - float(np.linalg.norm(xi[:3]))) ** 2 / 12.0
+    detour_var = yaw_var * max(0.0, way_m - arc_m) ** 2 / 12.0
     along_var = wheels.forward_share**2 * way_m + detour_var
     across_var = wheels.lateral_share**2 * way_m + detour_var
     Q = np.diag([along_var, across_var, 0.0, 0.0, 0.0, yaw_var])
