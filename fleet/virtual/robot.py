@@ -8,6 +8,7 @@ from fleet.virtual.devices.head import WorldHead
 from fleet.virtual.devices.laser import WorldLaserDevice
 from fleet.virtual.devices.odometer import WorldOdometer
 from fleet.virtual.devices.time import RobotTime
+from fleet.virtual.port import Port
 from fleet.virtual.virtual_time import VirtualTime
 from robot_agent.gear import Clocks, Gear
 from robot_agent.head import Head
@@ -15,9 +16,10 @@ from robot_agent.pan_tilt.mounting import Fixed, Mounting, Turning
 from robot_agent.pan_tilt.unit import UnitInfo
 
 
-def gear_of(world: World, robot: WorldRobot, time: VirtualTime) -> Gear:
-    """Devices know the truth and tell only what real ones would."""
-    mine = RobotTime(world, robot, time)
+def gear_of(world: World, robot: WorldRobot, time: VirtualTime, port: Port | None = None) -> Gear:
+    """Devices know the truth and tell only what real ones would. `port`: of the process that uses
+    them."""
+    mine = RobotTime(world, robot, time, port)
     mine.watchers.append(lambda: world.advance(time.now_ns()))
     known, angles_at = robot.known, None
     head, unit = None, None

@@ -28,6 +28,8 @@ class WorldLaserDevice(LaserDevice):
         scene.shine(self.beam.name, self.beam.on(scene, self.steps), now_ns, world_until_ns)
 
     def dark(self) -> None:
+        if not self.time.is_alive:
+            return
         self.time.world.scene.shine(self.beam.name, (), self.time.world_ns())
 
     def close(self) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from fleet.simulation.world.robot import WorldRobot
 from fleet.simulation.world.world import World
+from fleet.virtual.port import Port
 from fleet.virtual.virtual_time import VirtualTime
 
 BOOT_NS = 1_000_000_000_000
@@ -12,11 +13,13 @@ BOOT_NS = 1_000_000_000_000
 
 @dataclass(slots=True)
 class RobotTime:
-    """Waiting lets the world go on; `watchers` look at it each time it has."""
+    """Waiting lets the world go on; `watchers` look at it each time it has. `port`: of the process
+    that waits, which may die meanwhile; None: it cannot."""
 
     world: World
     robot: WorldRobot
     time: VirtualTime
+    port: Port | None = None
     watchers: list[Callable[[], None]] = field(default_factory=list)
 
     def world_ns(self) -> int:
@@ -31,9 +34,17 @@ class RobotTime:
         return self.time.now_ns() - self.world.start_ns + BOOT_NS
 
     def wait_world_until(self, world_ns: int) -> None:
-        self.time.wait_until(world_ns)
+        if self.port is None:
+            self.time.wait_until(world_ns)
+        else:
+            self.port.wait(lambda: False, world_ns)
         for watch in self.watchers:
             watch()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whom nobody has killed may still tell its devices something."""
+        return self.port is None or self.port.is_open
 
     def wait_until(self, now_ns: int) -> None:
         """By the clock that never jumps."""
