@@ -1,5 +1,7 @@
 """Which tags the robots of a world could identify at all, if they did everything right."""
 
+from collections.abc import Set
+
 import numpy as np
 
 from fleet.emulation.pan_tilt.unit import d46_axes
@@ -17,6 +19,8 @@ LEAST_PEAK = 5.0
 BESIDE_RAD = np.deg2rad(np.linspace(-12.0, 12.0, 9))
 """How far a unit turns past a tag: cameras that converge see it beside the middle of the left."""
 BORDER_PX = 4.0
+ROBOT_M = 2.0
+"""Farther from its middle no robot has its cameras."""
 
 
 def reachable(world: World) -> set[str]:
@@ -25,21 +29,24 @@ def reachable(world: World) -> set[str]:
     found: set[str] = set()
     for robot in world.robots.values():
         for stop in robot.stops:
-            found |= from_stop(robot, stop)
+            found |= from_stop(robot, stop, found)
     return found
 
 
-def from_stop(robot: WorldRobot, stop: Stop) -> set[str]:
-    """Those of one stop of one robot."""
+def from_stop(robot: WorldRobot, stop: Stop, known: Set[str] = frozenset()) -> set[str]:
+    """Those of one stop of one robot that are not known already."""
     t_ns = (stop.from_ns + stop.until_ns) // 2
     tags = robot.around.tags.at(t_ns)
     T_map_base = robot.T_map_base(t_ns)
-    p_base = se3.act(se3.inverse(T_map_base), tags.p)
-    good = np.zeros(len(tags.p), dtype=bool)
-    for T_base_cam in _looks(robot, p_base):
-        good |= _within(robot, T_map_base @ T_base_cam, tags.p, tags.normal)
-    good &= tags.open & tags.alive
-    return {name for name, is_good in zip(robot.around.tags.names, good, strict=True) if is_good}
+    names = robot.around.tags.names
+    near = np.linalg.norm(tags.p - T_map_base[:3, 3], axis=-1) <= robot.table.sight_m + ROBOT_M
+    wanted = near & tags.open & tags.alive & np.array([name not in known for name in names])
+    index = np.flatnonzero(wanted)
+    p, normal = tags.p[index], tags.normal[index]
+    good = np.zeros(len(index), dtype=bool)
+    for T_base_cam in _looks(robot, se3.act(se3.inverse(T_map_base), p)):
+        good |= _within(robot, T_map_base @ T_base_cam, p, normal)
+    return {names[k] for k in index[good]}
 
 
 def _looks(robot: WorldRobot, p_base: Array) -> list[Array]:
@@ -77,28 +84,34 @@ def _held(angles: Array) -> Array:
 def _within(robot: WorldRobot, T_map_cam: Array, p: Array, normal: Array) -> Mask:
     """(N,) of tags p from one camera pose, or from one for each."""
     poses = np.broadcast_to(T_map_cam, (len(p), 4, 4))
-    p_cam = se3.act(se3.inverse(poses), p)
-    rig, optics, sight = robot.hidden.rig, robot.scenario.optics, robot.around.sight
-    good = np.linalg.norm(p_cam, axis=-1) <= robot.table.sight_m
-    px, _ = stereo.project(rig, p_cam)
-    size = np.array(
-        [rig.left.width_px, rig.left.height_px, rig.right.width_px, rig.right.height_px]
-    )
-    with np.errstate(invalid="ignore"):
-        good &= ((px >= BORDER_PX) & (px <= size - 1 - BORDER_PX)).all(axis=-1)
-    least = LEAST_PEAK * np.hypot(optics.read_noise, np.sqrt(optics.gain * optics.ambient))
-    for T in (poses, poses @ se3.inverse(rig.T_right_left)):
-        cosine = _cosine(T[:, :3, 3], p, normal)
-        flux = np.array(
-            [
-                flux_of(robot.scenario.led, optics, p[k : k + 1], cosine[k : k + 1], T[k])[0]
-                for k in range(len(p))
-            ]
-        )
-        good &= flux / (2.0 * np.pi * optics.sigma_px**2) >= least
-        good[good] = sight.free(T[good, :3, 3], p[good])
+    good = _in_both_images(robot, se3.act(se3.inverse(poses), p))
+    for T in (poses, poses @ se3.inverse(robot.hidden.rig.T_right_left)):
+        good &= _bright(robot, T, p, normal)
+        good[good] = robot.around.sight.free(T[good, :3, 3], p[good])
     good[good] = _lightable(robot, poses[good], p[good], normal[good])
     return good
+
+
+def _in_both_images(robot: WorldRobot, p_cam: Array) -> Mask:
+    """(N,) and near enough."""
+    rig = robot.hidden.rig
+    px, _ = stereo.project(rig, p_cam)
+    size = np.array([n for c in (rig.left, rig.right) for n in (c.width_px, c.height_px)])
+    near: Mask = np.linalg.norm(p_cam, axis=-1) <= robot.table.sight_m
+    with np.errstate(invalid="ignore"):
+        inside: Mask = ((px >= BORDER_PX) & (px <= size - 1 - BORDER_PX)).all(axis=-1)
+    return near & inside
+
+
+def _bright(robot: WorldRobot, T_map_cam: Array, p: Array, normal: Array) -> Mask:
+    """(N,) whether each one's spot stands out in an image from its T_map_cam (N, 4, 4)."""
+    optics = robot.scenario.optics
+    flux = flux_of(
+        robot.scenario.led, optics, p, _cosine(T_map_cam[:, :3, 3], p, normal), T_map_cam
+    )
+    noise = np.hypot(optics.read_noise, np.sqrt(optics.gain * optics.ambient))
+    bright: Mask = flux / (2.0 * np.pi * optics.sigma_px**2) >= LEAST_PEAK * noise
+    return bright
 
 
 def _lightable(robot: WorldRobot, poses: Array, p: Array, normal: Array) -> Mask:

@@ -74,10 +74,11 @@ def _spots(
 
 def flux_of(led: Led, optics: Optics, p: Array, cosine: Array, T_map_cam: Array) -> Array:
     """Grey levels (K,) of LEDs at p (K, 3), seen under `cosine` from their axis: by the square of
-    the distance, and by the lens, which is the smaller the farther aside it is seen from."""
-    way = p - T_map_cam[:3, 3]
+    the distance, and by the lens, which is the smaller the farther aside it is seen from. T_map_cam
+    (4, 4), or one for each."""
+    way = p - T_map_cam[..., :3, 3]
     distance = np.linalg.norm(way, axis=-1)
-    lens = np.maximum(way @ T_map_cam[:3, 2], 0.0) / distance
+    lens = np.maximum((way * T_map_cam[..., :3, 2]).sum(-1), 0.0) / distance
     on_axis = led.levels_per_s * optics.exposure_s
     flux: Array = on_axis * np.maximum(cosine, 0.0) ** led.exponent * lens / distance**2
     return flux

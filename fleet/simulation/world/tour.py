@@ -29,7 +29,7 @@ class Space:
     height_m: float
 
     def fits(self, at: Array) -> Mask:
-        """(K,) at places (K, 2): inside, and nothing nearer than the radius at two heights."""
+        """(K,) at places (K, 2): inside, under a ceiling high enough, and clear."""
         n, low = len(at), self.radius_m + 0.01
         eye = np.column_stack([at, np.full(n, low)])
         up, _ = self.sight.first(eye, np.tile([0.0, 0.0, 1.0], (n, 1)))
@@ -41,16 +41,21 @@ class Space:
             & np.isfinite(down)
             & (up > self.height_m - low)
         )
-        for height in (low, max(low, self.height_m - self.radius_m)):
-            inside &= (
-                self.sight.clearance(np.column_stack([at, np.full(n, height)])) > self.radius_m
-            )
-        return inside
+        return inside & self.is_clear(at)
 
     def fits_along(self, here: Array, there: Array) -> bool:
-        """All the way, in a straight line between places (2,)."""
+        """All the way, in a straight line between places (2,) of which it fits at the first."""
         n = 2 + int(np.linalg.norm(there - here) / EVERY_M)
-        return bool(self.fits(here + np.linspace(0.0, 1.0, n)[:, None] * (there - here)).all())
+        way = here + np.linspace(0.0, 1.0, n)[:, None] * (there - here)
+        return bool(self.is_clear(way).all() and self.fits(there[None])[0])
+
+    def is_clear(self, at: Array) -> Mask:
+        """(K,) whether nothing is nearer than the radius, at two heights."""
+        low, clear = self.radius_m + 0.01, np.ones(len(at), dtype=bool)
+        for height in (low, max(low, self.height_m - self.radius_m)):
+            p = np.column_stack([at, np.full(len(at), height)])
+            clear &= self.sight.clearance(p) > self.radius_m
+        return clear
 
 
 @dataclass(slots=True)
@@ -88,8 +93,7 @@ class Tour:
 
     def start(self) -> Point2:
         for at in self._draw():
-            if self.space.fits(at[None])[0]:
-                return self._go(at)
+            return self._go(at)
         raise ConfigError(f"robot {self.name}: no free place found for it to start from")
 
     def next(self, here: Point2) -> Point2:
@@ -107,11 +111,13 @@ class Tour:
         return self._go(found[int(np.argmax(apart))])
 
     def _draw(self) -> Array:
-        """(DRAWS, 2)."""
+        """(K, 2) of DRAWS places, those where it fits."""
         sight, area = self.space.sight, self.route.area_m
         least = sight.least_m[:2] if area is None else np.array(area[:2])
         most = sight.most_m[:2] if area is None else np.array(area[2:])
-        return self.rng.uniform(least, most, (DRAWS, 2))
+        drawn = self.rng.uniform(least, most, (DRAWS, 2))
+        places: Array = drawn[self.space.fits(drawn)]
+        return places
 
     def _go(self, at: Array) -> Point2:
         self._been.append(at)
