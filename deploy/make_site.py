@@ -143,7 +143,7 @@ def _use_of(site: Site, folder: str) -> str:
     for robot in site.robots:
         if folder == f"robots/{robot.name}":
             who = f"--robot {robot.name} --number {robot.number}"
-            return f"robot-agent run --source FILE {who} {common}"
+            return f"robot-agent run --config robot.toml {who} {common}"
     return f"tagmap {'serve' if folder == 'service' else 'status'} {common}"
 
 
