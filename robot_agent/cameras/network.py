@@ -17,7 +17,7 @@ from robot_agent.cameras.camera import (
 )
 from robot_agent.cameras.connection import Connection, Lost
 
-PROBE_S = 3.0
+PROBE_S = 2.0
 CONNECT_LEAST_S = 0.05
 ANSWER_S = 0.02
 """So much earlier a server is to answer that there is nothing new."""

@@ -16,6 +16,7 @@ from robot_agent.devices.config import RobotConfig
 from robot_agent.devices.opening import (
     laser_limits,
     open_cameras,
+    open_odometer,
     open_pan_tilt,
     open_reader,
     rig_of,
@@ -25,6 +26,7 @@ from robot_agent.laser.clock import now_ns, second_ns
 from robot_agent.laser.device import Steps
 from robot_agent.laser.interlock import Interlock
 from robot_agent.laser.opening import open_laser
+from robot_agent.odometry.odometry import OdometerInfo
 from robot_agent.pan_tilt.unit import UnitInfo
 from robot_agent.rfid.reader import ReaderInfo
 from tagmap.errors import ConfigError, DataError, TagmapError
@@ -95,6 +97,7 @@ def _probes(config: RobotConfig) -> dict[str, Callable[[], Found]]:
         "pan-tilt": (config.pan_tilt, _pan_tilt),
         "laser": (config.laser, _laser),
         "rfid": (config.rfid, _reader),
+        "odometry": (config.odometry, _odometry),
     }
     return {
         name: partial(probe, config)
@@ -178,6 +181,18 @@ def _reader(config: RobotConfig) -> Found:
         raise DataError(found.detail)
     what = f"maker {found.manufacturer}, model {found.model}, firmware {found.firmware}"
     return what, f"at {found.address}, {found.antennas} antennas"
+
+
+def _odometry(config: RobotConfig) -> Found:
+    odometer = open_odometer(config)
+    assert odometer is not None
+    with closing(odometer):
+        found = odometer.probe()
+    if not isinstance(found, OdometerInfo):
+        raise DataError(found.detail)
+    state = "moving" if found.still_since_ns is None else "standing"
+    latest = f"the latest {1e3 * found.age_s:.0f} ms old"
+    return found.what, f"{found.rate_hz:.0f} readings a second, {latest}, {state}"
 
 
 def require_devices(config: RobotConfig, path: Path) -> None:

@@ -1,6 +1,7 @@
 """`robot-agent check`: everything asked, nothing held up, one answer for people and machines."""
 
 import json
+import re
 import socket
 import time
 from pathlib import Path
@@ -11,7 +12,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from fleet.emulation.camera.server import CameraServer
+from fleet.emulation.odometry.sender import OdometrySender
+from robot_agent.cameras.camera import StereoPair
 from robot_agent.cli import main
+from robot_agent.odometry.datagram import Reckoned
 from tests.robot_agent.devices.conftest import MOUNT, lit
 
 pytest.importorskip("serial", reason="needs pyserial, extra pan-tilt")
@@ -80,6 +85,52 @@ def test_each_failure_is_told_and_the_rest_is_still_asked(robot, tmp_path: Path)
     assert "/dev/none: cannot open: No such file or directory" in found["pan-tilt"]["detail"]
     assert found["pan-tilt"]["what"] is None
     assert found["laser"]["detail"].startswith("laser 127.0.0.1:9")
+
+
+def test_cameras_and_odometry_that_others_serve(tmp_path: Path):
+    image = np.zeros((48, 64), np.uint8)
+    pair = StereoPair(image, image, 1, 0, "one")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    config = tmp_path / "robot.toml"
+    with CameraServer(lambda _after_ns, _wait_s: pair) as server:
+        config.write_text(
+            f'[cameras.network]\nhost = "127.0.0.1"\nport = {server.address[1]}\n'
+            f'[odometry.udp]\nlisten = "127.0.0.1:{port}"\nstale_s = 5.0\n'
+        )
+        with OdometrySender(lambda now_ns: Reckoned(now_ns, 1.0, 2.0, 3.0), "127.0.0.1", port):
+            result = run(config, "--json")
+    found = devices(result)
+    assert result.exit_code == 0, result.output
+    assert list(found) == ["cameras", "odometry"]
+    assert found["cameras"]["what"] == "network {}:{}".format(*server.address)
+    assert found["cameras"]["detail"] == "64x48 px and 64x48 px"
+    assert found["odometry"]["what"] == f"datagrams at 127.0.0.1:{port}"
+    assert re.fullmatch(
+        r"\d+ readings a second, the latest \d+ ms old, standing", found["odometry"]["detail"]
+    )
+    result = run(config, "--json", "--limit-s", "6")
+    found = devices(result)
+    assert result.exit_code == 1
+    assert found["cameras"]["detail"].endswith("cannot connect: Connection refused")
+    assert found["odometry"]["detail"].endswith("no second reading within 2 s")
+
+
+def test_a_robot_that_moves_while_it_is_checked(tmp_path: Path):
+    config = tmp_path / "robot.toml"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    config.write_text(f'[odometry.udp]\nlisten = "127.0.0.1:{port}"\nstale_s = 5.0\n')
+    began_ns = time.time_ns()
+
+    def driving(now_ns: int) -> Reckoned:
+        return Reckoned(now_ns, 0.3e-9 * (now_ns - began_ns), 0.0, 0.0)
+
+    with OdometrySender(driving, "127.0.0.1", port):
+        result = run(config, "--json")
+    assert devices(result)["odometry"]["detail"].endswith(" ms old, moving")
 
 
 def test_a_device_that_hangs_holds_up_nobody(robot):

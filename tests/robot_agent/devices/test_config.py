@@ -9,9 +9,23 @@ import pytest
 
 from robot_agent.cli.check import check
 from robot_agent.cli.tag import tag
-from robot_agent.devices.config import LaserTable, RobotConfig, RobotTable, read_config
-from robot_agent.devices.opening import laser_limits, mount_of, mounting_of
+from robot_agent.devices.config import (
+    LaserTable,
+    OdometryTable,
+    RobotConfig,
+    RobotTable,
+    read_config,
+)
+from robot_agent.devices.opening import (
+    laser_limits,
+    mount_of,
+    mounting_of,
+    open_odometer,
+    wheels_of,
+)
 from robot_agent.laser.interlock import Limits
+from robot_agent.odometry.udp import UdpConfig
+from robot_agent.odometry.wheels import Wheels
 from tagmap.errors import ConfigError
 from tagmap.geometry.pan_tilt import camera_pose
 
@@ -38,6 +52,8 @@ def test_the_example_of_the_page(tmp_path: Path):
     assert config.pan_tilt.T_tilt_cam.q_wxyz == (0.5, -0.5, 0.5, -0.5)
     assert config.rfid is not None
     assert config.rfid.llrp.antennas == (1, 2)
+    assert config.odometry == OdometryTable(udp=UdpConfig())
+    assert wheels_of(config) == Wheels()
 
 
 def test_every_key_and_option_is_on_the_page():
@@ -66,6 +82,13 @@ def test_where_the_camera_is(tmp_path: Path):
     forward = camera_pose(mount, np.zeros(2))
     np.testing.assert_allclose(forward[:3, 2], [1.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(forward[:3, 3], [0.1, 0.0, 0.63], atol=1e-12)
+
+
+def test_what_the_wheels_may_have_wrong(tmp_path: Path):
+    given = read(tmp_path, "[odometry]\nudp = {}\nwheels = {turn_share = 0.03}")
+    assert wheels_of(given) == Wheels(turn_share=0.03)
+    assert wheels_of(RobotConfig()) == Wheels()
+    assert open_odometer(RobotConfig()) is None
 
 
 def test_nothing_is_needed(tmp_path: Path):
@@ -104,6 +127,20 @@ def test_files_are_relative_to_the_configuration(tmp_path: Path):
         (
             "cameras.folder.folder = 'a'\ncameras.opencv.left = 0",
             "cameras has folder and opencv, expected [cameras.folder] or [cameras.opencv]",
+        ),
+        ("cameras.network.port = 5087", "missing required field `host` - at `$.cameras.network`"),
+        ("cameras.network = {host = 'a', port = 0}", "at `$.cameras.network.port`"),
+        ("[odometry]", "missing required field `udp` - at `$.odometry`"),
+        ("odometry.udp.listen = '5086'", "listen is '5086', expected HOST:PORT"),
+        ("odometry.udp.still_m = 0", "at `$.odometry.udp.still_m`"),
+        ("[odometry.udp]\nport = 1", "unknown field `port` - at `$.odometry.udp`"),
+        (
+            "[odometry]\nudp = {}\nwheels = {slip = 1}",
+            "unknown field `slip` - at `$.odometry.wheels`",
+        ),
+        (
+            "[odometry]\nudp = {}\nwheels = {floor_m = 0.0}",
+            "at `$.odometry.wheels.floor_m`",
         ),
         ("cameras.opencv.left = 99", "at `$.cameras.opencv.left`"),
         ("T_base_cam = {p_m=[0,0,0], q_wxyz=[1,1,0,0]}", "q_wxyz has norm 1.41421356, expected 1"),
