@@ -97,10 +97,11 @@ def _in_both_images(robot: WorldRobot, p_cam: Array) -> Mask:
     rig = robot.hidden.rig
     px, _ = stereo.project(rig, p_cam)
     size = np.array([n for c in (rig.left, rig.right) for n in (c.width_px, c.height_px)])
-    near: Mask = np.linalg.norm(p_cam, axis=-1) <= robot.table.sight_m
+    distance: Array = np.linalg.norm(p_cam, axis=-1)
     with np.errstate(invalid="ignore"):
-        inside: Mask = ((px >= BORDER_PX) & (px <= size - 1 - BORDER_PX)).all(axis=-1)
-    return near & inside
+        inside: Mask = np.all((px >= BORDER_PX) & (px <= size - 1 - BORDER_PX), axis=-1)
+    inside &= distance <= robot.table.sight_m
+    return inside
 
 
 def _bright(robot: WorldRobot, T_map_cam: Array, p: Array, normal: Array) -> Mask:
@@ -109,7 +110,7 @@ def _bright(robot: WorldRobot, T_map_cam: Array, p: Array, normal: Array) -> Mas
     flux = flux_of(
         robot.scenario.led, optics, p, _cosine(T_map_cam[:, :3, 3], p, normal), T_map_cam
     )
-    noise = np.hypot(optics.read_noise, np.sqrt(optics.gain * optics.ambient))
+    noise = float(np.hypot(optics.read_noise, np.sqrt(optics.gain * optics.ambient)))
     bright: Mask = flux / (2.0 * np.pi * optics.sigma_px**2) >= LEAST_PEAK * noise
     return bright
 
