@@ -1,0 +1,167 @@
+"""Robots' poses against where they truly were: those of the map's solution, and the live ones."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.evaluation import metrics
+from fleet.evaluation.scores.evidence import Evidence
+from fleet.evaluation.truth import at
+from tagmap.conventions import Array, Index
+from tagmap.errors import RecordRefused
+from tagmap.records import Pose, decode
+from tagmap.records.arrays import covariance, matrix
+
+IN_VIEW = 4
+EVERY_NS = 10_000_000_000
+"""Live poses farther apart than that are taken to be independent."""
+STALE_NS = 3_000_000_000
+STEP_NS = 500_000_000
+OVER_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """Errors of all solved poses: (N,) m and (N,) rad, and of motions over 1 s."""
+
+    error_m: Array
+    heading_rad: Array
+    rpe_m: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """Live poses of one robot in order of time (of the world): `error_m` NaN while lost;
+    in_view: named tags in the keyframe that it is of; nees (N,), NaN where there is none."""
+
+    t_ns: Index
+    error_m: Array
+    heading_rad: Array
+    nees: Array
+    in_view: Index
+    heard_ns: Index
+
+
+def smoothed(evidence: Evidence, T_truth_map: Array) -> Smoothed:
+    parts = [
+        _solved(evidence, T_truth_map, poses.robot, poses.t_ns, poses.T) for poses in evidence.poses
+    ]
+    empty = np.zeros(0)
+    if not parts:
+        return Smoothed(empty, empty, empty)
+    return Smoothed(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
+
+
+def _solved(
+    evidence: Evidence, T_truth_map: Array, robot: str, t_ns: Index, T: Array
+) -> tuple[Array, Array, Array]:
+    world_ns = np.array([evidence.world_ns(robot, int(t)) for t in t_ns])
+    T_true, known = at("spatial", evidence.tracks[robot], world_ns)
+    T_est = T_truth_map @ T[known]
+    moved_m, _ = metrics.relative_errors("spatial", world_ns[known], T_est, T_true, OVER_NS)
+    return metrics.position_errors(T_est, T_true), _headings(T_est, T_true), moved_m
+
+
+def live(evidence: Evidence, T_truth_of: Mapping[int, Array | None]) -> dict[str, Live]:
+    """T_truth_of: of each map version, how it lies in the truth; None: it cannot be said."""
+    views = {
+        (keyframe.robot, keyframe.session, keyframe.t_ns): len(keyframe.sightings)
+        for keyframe in evidence.keyframes
+    }
+    rows: dict[str, list[tuple[int, float, float, float, int, int]]] = {}
+    for heard_ns, robot, pose in _published(evidence):
+        t_ns = evidence.world_ns(robot, pose.t_ns)
+        view = views.get((robot, pose.robot_session, pose.t_ns), 0)
+        T = T_truth_of.get(pose.map_version or 0)
+        T_true, known = at("spatial", evidence.tracks[robot], np.array([t_ns]))
+        numbers = (np.nan, np.nan, np.nan)
+        if pose.T_map_base is not None and T is not None and len(known):
+            numbers = _judged(T @ matrix(pose.T_map_base), pose, T_true[0])
+        rows.setdefault(robot, []).append((t_ns, *numbers, view, heard_ns))
+    return {robot: _stacked(found) for robot, found in rows.items()}
+
+
+def _published(evidence: Evidence) -> list[tuple[int, str, Pose]]:
+    """Live poses of the service."""
+    found = []
+    keys = evidence.keys
+    for heard in evidence.heard:
+        robot = keys.robot_of(heard.key)
+        if robot not in evidence.world.robots or heard.key != keys.pose(robot):
+            continue
+        try:
+            found.append((heard.t_ns, robot, decode(Pose, heard.payload)))
+        except RecordRefused:
+            continue
+    return found
+
+
+def _judged(T_est: Array, pose: Pose, T_true: Array) -> tuple[float, float, float]:
+    error_m = float(metrics.position_errors(T_est[None], T_true[None])[0])
+    heading = float(_headings(T_est[None], T_true[None])[0])
+    if pose.cov is None:
+        return error_m, heading, np.nan
+    cov = covariance(pose.cov)[None]
+    return error_m, heading, float(metrics.pose_nees("spatial", T_est[None], cov, T_true[None])[0])
+
+
+def _stacked(rows: list[tuple[int, float, float, float, int, int]]) -> Live:
+    columns = list(zip(*sorted(rows), strict=True))
+    t_ns, error_m, heading, nees = (np.array(column) for column in columns[:4])
+    return Live(t_ns, error_m, heading, nees, np.array(columns[4]), np.array(columns[5]))
+
+
+def p95_m(tracks: Mapping[str, Live]) -> float | None:
+    """Of live poses with enough tags in view."""
+    chosen = [track.error_m[track.in_view >= IN_VIEW] for track in tracks.values()]
+    errors = np.concatenate(chosen) if chosen else np.zeros(0)
+    errors = errors[np.isfinite(errors)]
+    return float(np.percentile(errors, 95)) if len(errors) else None
+
+
+def nees(tracks: Mapping[str, Live]) -> metrics.Nees | None:
+    """Of poses so far apart that their errors are their own."""
+    values: list[float] = []
+    for track in tracks.values():
+        next_ns = 0
+        for t_ns, value in zip(track.t_ns.tolist(), track.nees.tolist(), strict=True):
+            if t_ns >= next_ns and np.isfinite(value):
+                values.append(value)
+                next_ns = t_ns + EVERY_NS
+    return metrics.nees(6.0 * sum(values), 6 * len(values)) if values else None
+
+
+def availability(evidence: Evidence, tracks: Mapping[str, Live]) -> float:
+    """Share of the time in which a robot's latest pose is neither lost nor old."""
+    world = evidence.world
+    grid = np.arange(world.start_ns, world.end_ns, STEP_NS)
+    shares = []
+    for name in world.robots:
+        track = tracks.get(name)
+        if track is None:
+            shares.append(0.0)
+            continue
+        order = np.argsort(track.heard_ns, kind="stable")
+        k = np.searchsorted(track.heard_ns[order], grid, side="right") - 1
+        there = np.isfinite(track.error_m[order][k]) & (grid - track.t_ns[order][k] <= STALE_NS)
+        shares.append(float(((k >= 0) & there).mean()))
+    return float(np.mean(shares))
+
+
+def first_fix_s(evidence: Evidence, tracks: Mapping[str, Live]) -> float | None:
+    """When the last of the robots knew for the first time where it is; None: one never did."""
+    times = []
+    for name in evidence.world.robots:
+        track = tracks.get(name)
+        known = [] if track is None else track.heard_ns[np.isfinite(track.error_m)]
+        if not len(known):
+            return None
+        times.append(1e-9 * (int(np.min(known)) - evidence.world.start_ns))
+    return max(times)
+
+
+def _headings(T: Array, T_true: Array) -> Array:
+    """(N,) rad, of the x axis on the floor."""
+    yaw = np.arctan2(T[:, 1, 0], T[:, 0, 0]) - np.arctan2(T_true[:, 1, 0], T_true[:, 0, 0])
+    return np.abs((yaw + np.pi) % (2.0 * np.pi) - np.pi)
