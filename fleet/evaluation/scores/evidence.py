@@ -56,6 +56,16 @@ class Evidence:
             return [keyframe for _, keyframe in store.keyframes()]
 
     @cached_property
+    def last_seen(self) -> Mapping[str, int]:
+        """When each tag was sighted for the last time, by the clock of the world."""
+        last: dict[str, int] = {}
+        for keyframe in self.keyframes:
+            t_ns = self.world_ns(keyframe.robot, keyframe.t_ns)
+            for sighting in keyframe.sightings:
+                last[sighting.tag] = max(t_ns, last.get(sighting.tag, 0))
+        return last
+
+    @cached_property
     def versions(self) -> list[MapVersion]:
         with self.store() as store:
             return store.versions()

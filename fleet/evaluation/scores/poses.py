@@ -44,9 +44,7 @@ class Live:
 
 
 def smoothed(evidence: Evidence, T_truth_map: Array) -> Smoothed:
-    parts = [
-        _solved(evidence, T_truth_map, poses.robot, poses.t_ns, poses.T) for poses in evidence.poses
-    ]
+    parts = [_solved(evidence, T_truth_map, p.robot, p.t_ns, p.T) for p in evidence.poses]
     empty = np.zeros(0)
     if not parts:
         return Smoothed(empty, empty, empty)
@@ -154,10 +152,10 @@ def first_fix_s(evidence: Evidence, tracks: Mapping[str, Live]) -> float | None:
     times = []
     for name in evidence.world.robots:
         track = tracks.get(name)
-        known = [] if track is None else track.heard_ns[np.isfinite(track.error_m)]
-        if not len(known):
+        if track is None or not np.isfinite(track.error_m).any():
             return None
-        times.append(1e-9 * (int(np.min(known)) - evidence.world.start_ns))
+        first_ns = int(track.heard_ns[np.isfinite(track.error_m)].min())
+        times.append(1e-9 * (first_ns - evidence.world.start_ns))
     return max(times)
 
 

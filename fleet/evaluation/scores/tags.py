@@ -32,7 +32,7 @@ class TagErrors:
 def tag_errors(evidence: Evidence, version: int, anchored: bool) -> TagErrors:
     """A tag that hangs more than once counts where it is nearest; one that has moved counts where
     it was when it was seen last."""
-    seen = _last_seen(evidence)
+    seen = evidence.last_seen
     placed = [tag for tag in evidence.tags.get(version, []) if tag.p_m is not None]
     pairs = [(tag, evidence.places(tag.tag, seen.get(tag.tag, 0))) for tag in placed]
     pairs = [(tag, places) for tag, places in pairs if len(places)]
@@ -43,15 +43,6 @@ def tag_errors(evidence: Evidence, version: int, anchored: bool) -> TagErrors:
     nees = None if T is None else _nees(T, p_map, p_true, [tag for tag, _ in pairs], anchored)
     names = tuple(tag.tag for tag, _ in pairs)
     return TagErrors(names, T, aligned, _norm(p_map - p_true), nees, len(placed))
-
-
-def _last_seen(evidence: Evidence) -> dict[str, int]:
-    last: dict[str, int] = {}
-    for keyframe in evidence.keyframes:
-        t_ns = evidence.world_ns(keyframe.robot, keyframe.t_ns)
-        for sighting in keyframe.sightings:
-            last[sighting.tag] = max(t_ns, last.get(sighting.tag, 0))
-    return last
 
 
 def _alignment(p_map: Array, pairs: list[tuple[Tag, Array]]) -> Array | None:
@@ -75,9 +66,8 @@ def _alignment(p_map: Array, pairs: list[tuple[Tag, Array]]) -> Array | None:
 
 
 def _nearest(p: Array, pairs: list[tuple[Tag, Array]]) -> Array:
-    found = [
-        places[np.argmin(_norm(places - at))] for at, (_, places) in zip(p, pairs, strict=True)
-    ]
+    all_places = [places for _, places in pairs]
+    found = [each[np.argmin(_norm(each - at))] for at, each in zip(p, all_places, strict=True)]
     return np.array(found).reshape(-1, 3)
 
 
