@@ -6,13 +6,14 @@ and got before, and on nothing else.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from fleet.virtual.connection import Connection
 from fleet.virtual.matching import meets
 from fleet.virtual.port import Port
 from fleet.virtual.question import Question
 from fleet.virtual.virtual_time import VirtualTime
-from fleet.virtual.weather import CALM, Parts, Weather
+from fleet.virtual.weather import CALM, Parts, Passage, Weather
 from tagmap.link.query import Reply
 
 
@@ -59,10 +60,10 @@ class Bus:
 
     def carry(self, sender: Port, key: str, payload: bytes) -> None:
         """One put, to all who subscribe to it."""
-        for t_ns, parts in self.up(sender, (payload,)):
+        for message in self.up(sender, (payload,)):
             for port in self._ports.values():
                 if any(meets(key_expr, key) for key_expr, _ in port.subscribed):
-                    self.down(port, t_ns, parts, sender, _Delivery(port, key))
+                    self.down(port, message, sender, _Delivery(port, key))
 
     def inquire(
         self,
@@ -78,28 +79,27 @@ class Bus:
         if not asker.connected():
             asker.at(self.time.now_ns(), question.end)
             return
-        for t_ns, parts in self.up(asker, (payload,))[:1]:
-            question.reach(t_ns, parts, list(self._ports.values()))
+        for message in self.up(asker, (payload,))[:1]:
+            question.reach(message, list(self._ports.values()))
 
     def travel(
         self, sender: Port, receiver: Port, parts: Parts, handle: Callable[[Parts], None]
     ) -> None:
         """From one to the other, now."""
-        for t_ns, arrived in self.up(sender, parts):
-            self.down(receiver, t_ns, arrived, sender, handle)
+        for message in self.up(sender, parts):
+            self.down(receiver, message, sender, handle)
 
-    def up(self, sender: Port, parts: Parts) -> list[tuple[int, Parts]]:
-        """When it is at the router."""
+    def up(self, sender: Port, parts: Parts) -> list[Passage]:
+        """What comes to the router."""
         connection, now_ns = self.connection(sender.name), self.time.now_ns()
         if not sender.is_open or connection.is_dark(now_ns):
             return []
-        return connection.up.carry(now_ns, parts, sender.name)
+        return connection.up.carry(Passage(now_ns, parts), sender.name)
 
     def down(
         self,
         receiver: Port,
-        t_ns: int,
-        parts: Parts,
+        message: Passage,
         sender: Port,
         handle: Callable[[Parts], None],
     ) -> None:
@@ -109,8 +109,8 @@ class Bus:
             if not connection.is_dark(self.time.now_ns()):
                 handle(arrived)
 
-        for due_ns, arrived in connection.down.carry(t_ns, parts, sender.name):
-            receiver.at(due_ns, lambda arrived=arrived: arrive(arrived))  # type: ignore[misc]
+        for passed in connection.down.carry(message, sender.name):
+            receiver.at(passed.t_ns, partial(arrive, passed.parts))
 
 
 @dataclass(frozen=True, slots=True)

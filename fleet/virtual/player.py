@@ -11,7 +11,7 @@ from fleet.virtual.port import Killed, Port
 from fleet.virtual.site import Kill
 from fleet.virtual.uplink import VirtualUplink
 from fleet.virtual.virtual_time import VirtualTime
-from fleet.virtual.volume import Remains
+from fleet.virtual.volume import CachedOutbox, Remains
 from robot_agent.courier import Courier, Identity
 from robot_agent.diary import Diary
 from robot_agent.shell import Shell
@@ -68,7 +68,9 @@ class Player:
         """One process of the agent, from its start to its end."""
         part, began_ns = self._part, self._time.now_ns()
         with ExitStack() as opened:
-            outbox = opened.enter_context(Outbox.open(self.outbox, f"{self._site}/{part.robot}"))
+            outbox = opened.enter_context(
+                CachedOutbox.open(self.outbox, f"{self._site}/{part.robot}")
+            )
             port = self._bus.port(part.robot)
             port.at_death(remains.take)
             if kill is not None:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 from fleet.virtual.matching import meets
 from fleet.virtual.port import Port
-from fleet.virtual.weather import Parts
+from fleet.virtual.weather import Parts, Passage
 from tagmap.link.query import Query, Reply, parameters_of
 
 if TYPE_CHECKING:
@@ -25,25 +26,19 @@ class Question:
     open: int = 0
     is_over: bool = False
 
-    def reach(self, t_ns: int, parts: Parts, ports: Iterable[Port]) -> None:
+    def reach(self, message: Passage, ports: Iterable[Port]) -> None:
         """At the router: to everybody who serves it; nobody does: that is an answer, too."""
         key, _, parameters = self.selector.partition("?")
         for port in ports:
             for key_expr, on_query in port.served:
                 if meets(key_expr, key):
                     self.open += 1
+                    query = partial(Query, key, parameters_of(parameters))
                     answering = Answering(self, port)
-
-                    def ask(
-                        arrived: Parts,
-                        on_query: Callable[[Query], None] = on_query,
-                        answering: "Answering" = answering,
-                    ) -> None:
-                        on_query(Query(key, parameters_of(parameters), arrived[0], answering))
-
-                    self.bus.down(port, t_ns, parts, self.asker, ask)
+                    self.bus.down(port, message, self.asker, _Asking(query, answering, on_query))
         if not self.open:
-            self.asker.at(t_ns + self.bus.connection(self.asker.name).down.takes_ns(), self.end)
+            takes_ns = self.bus.connection(self.asker.name).down.takes_ns()
+            self.asker.at(message.t_ns + takes_ns, self.end)
 
     def take(self, replies: list[Reply]) -> None:
         self.replies += replies
@@ -101,3 +96,15 @@ class Answering:
 
         self.question.bus.travel(self.port, self.question.asker, parts, arrive)
         return True
+
+
+@dataclass(frozen=True, slots=True)
+class _Asking:
+    """The question as it arrives at one of those who serve its key."""
+
+    query: Callable[[bytes, Answering], Query]
+    answering: Answering
+    on_query: Callable[[Query], None]
+
+    def __call__(self, parts: Parts) -> None:
+        self.on_query(self.query(parts[0], self.answering))

@@ -1,9 +1,12 @@
-"""The site database on a disk that can be full, and what a kill leaves of a database."""
+"""Databases on disks that can be full but never lose power, and what a kill leaves of them."""
 
 from pathlib import Path
+from typing import Self
 
 from tagmap.store import SiteStore
+from tagmap.store.outbox import Outbox
 
+_IN_CACHE = "PRAGMA synchronous = OFF"
 _ALL_PAGES = 2**32 - 2
 _SUFFIXES = ("", "-wal")
 
@@ -12,6 +15,12 @@ class Volume(SiteStore):
     """The file cannot grow while the disk is full: SQLite says so itself, to this writer alone."""
 
     is_full = False
+
+    @classmethod
+    def open(cls, path: Path, site: str | None = None, read_only: bool = False) -> Self:
+        store = super().open(path, site, read_only)
+        store._db.execute(_IN_CACHE)
+        return store
 
     def fill(self) -> None:
         self.is_full = True
@@ -23,6 +32,16 @@ class Volume(SiteStore):
 
     def _limit(self, pages: int) -> None:
         self._db.rows(f"PRAGMA max_page_count = {pages}")
+
+
+class CachedOutbox(Outbox):
+    """What is committed survives a kill: the system has it, though not yet the disk."""
+
+    @classmethod
+    def open(cls, path: Path, owner: str | None = None) -> Self:
+        outbox = super().open(path, owner)
+        outbox._db.execute(_IN_CACHE)
+        return outbox
 
 
 class Remains:

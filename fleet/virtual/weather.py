@@ -38,6 +38,15 @@ class Weather:
 CALM = Weather()
 
 
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """What arrives at the end of a way. is_late: others may overtake it there, too."""
+
+    t_ns: int
+    parts: Parts
+    is_late: bool = False
+
+
 class Way:
     """One direction of a connection."""
 
@@ -47,26 +56,30 @@ class Way:
         self._last_ns: dict[str, int] = {}
         self._free_ns = 0.0
 
-    def carry(self, t_ns: int, parts: Parts, sender: str) -> list[tuple[int, Parts]]:
-        """When a message that leaves at `t_ns` arrives, how often, and what has become of it."""
+    def carry(self, message: Passage, sender: str) -> list[Passage]:
+        """When it arrives, how often, and what has become of it."""
         weather, chance = self._weather, self._rng.random
-        if chance() < weather.lost or not self._has_room(t_ns):
+        if chance() < weather.lost or not self._has_room(message.t_ns):
             return []
         copies = 2 if chance() < weather.doubled else 1
-        return [(self._arrival(t_ns, sender), self._spoilt(parts)) for _ in range(copies)]
+        return [self._passed(message, sender) for _ in range(copies)]
 
     def takes_ns(self) -> int:
         """Of a message that is neither lost nor spoilt: routers see to those."""
         weather = self._weather
         return round(self._rng.uniform(weather.fastest_ms, weather.slowest_ms) * MS_NS)
 
-    def _arrival(self, t_ns: int, sender: str) -> int:
-        """Order is kept between two participants."""
-        arrival_ns = max(t_ns + self.takes_ns(), self._last_ns.get(sender, 0), round(self._free_ns))
+    def _passed(self, message: Passage, sender: str) -> Passage:
+        """Order is kept between two participants, but for what is late."""
+        arrival_ns = max(message.t_ns + self.takes_ns(), round(self._free_ns))
+        parts = self._spoilt(message.parts)
         if self._rng.random() < self._weather.late:
-            return arrival_ns + round(self._rng.uniform(0.0, self._weather.late_ms) * MS_NS)
-        self._last_ns[sender] = arrival_ns
-        return arrival_ns
+            more_ns = round(self._rng.uniform(0.0, self._weather.late_ms) * MS_NS)
+            return Passage(arrival_ns + more_ns, parts, True)
+        if message.is_late:
+            return Passage(arrival_ns, parts, True)
+        self._last_ns[sender] = max(arrival_ns, self._last_ns.get(sender, 0))
+        return Passage(self._last_ns[sender], parts)
 
     def _has_room(self, t_ns: int) -> bool:
         if self._per_s is None:
