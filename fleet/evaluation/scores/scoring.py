@@ -18,9 +18,10 @@ from tagmap.conventions import Array
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """Everything that scores and pictures are made of. tags: of the last version."""
+    """Everything that scores and pictures are made of. errors: by version; tags: of the last."""
 
     evidence: Evidence
+    errors: dict[int, TagErrors]
     tags: TagErrors | None
     T_truth_of: dict[int, Array | None]
     smoothed: of_poses.Smoothed | None
@@ -43,6 +44,7 @@ def find(evidence: Evidence, site_number: int) -> Findings:
     T = None if tags is None else tags.T_truth_map
     return Findings(
         evidence,
+        errors,
         tags,
         T_truth_of,
         None if T is None else of_poses.smoothed(evidence, T),
