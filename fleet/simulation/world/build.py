@@ -29,6 +29,7 @@ from fleet.simulation.world.tags import Hanging, corners, hang
 from fleet.simulation.world.tour import SPARE_M, Space, Tour, Waypoints
 from fleet.simulation.world.world import World
 from tagmap.conventions import Array
+from tagmap.errors import ConfigError
 from tagmap.geometry.camera import Camera
 from tagmap.records.arrays import drive as drive_of
 from tagmap.records.hello import Limits
@@ -223,6 +224,7 @@ def _survey(scenario: Scenario, hanging: Hanging, rng: np.random.Generator) -> d
     measured = {hanging.names[k]: hanging.p[k] + noise[k] for k in index}
     for wrong in survey.wrong:
         name = hanging.names[hanging.index(wrong.tag, "survey.wrong")]
-        if name in measured:
-            measured[name] = measured[name] + np.array(wrong.by_m)
+        if name not in measured:
+            raise ConfigError(f"survey.wrong: tag {wrong.tag} is not among the surveyed ones")
+        measured[name] = measured[name] + np.array(wrong.by_m)
     return measured

@@ -54,11 +54,11 @@ def history(hanging: Hanging, events: tuple[Event, ...], start_ns: int) -> Histo
         there,
         there,
     )
-    from_ns, states = [start_ns], [state]
+    from_ns, states, copied = [start_ns], [state], 0
     for event in of_tags:
         index = [hanging.index(ref, "event.tags") for ref in event.tags]
         if event.kind == "duplicated":
-            index = [n + copies.index(event)]
+            index, copied = [n + copied], copied + 1
         state = _after(event, index, state)
         from_ns.append(start_ns + round(event.at_s * 1e9))
         states.append(state)

@@ -54,8 +54,9 @@ def lights(
 ) -> Lights:
     """All that shines into the camera at `t_ns`, the middle of the exposure."""
     spots, flux = _spots(eye, view, around, robot, t_ns, led, optics)
-    ends = [in_image(eye, T, spots.p)[0] for T in (view.start, view.end)]
-    return Lights(ends[0], ends[1], flux, _discs(eye, view.middle, around, robot, t_ns))
+    start = in_image(eye, view.start, spots.p)[0]
+    end = start if view.end is view.start else in_image(eye, view.end, spots.p)[0]
+    return Lights(start, end, flux, _discs(eye, view.middle, around, robot, t_ns))
 
 
 def _spots(
