@@ -49,6 +49,12 @@ def check(config: RobotConfig, path: Path) -> None:
     for name, missing in (("scanner", config.scanner), ("[rfid.llrp]", config.rfid)):
         if missing is None:
             raise ConfigError(f"{path}: there is a [laser], but no {name}")
+    longest_s = config.agent.shots.rules().longest_s
+    if longest_s > config.laser.longest_s:
+        raise ConfigError(
+            f"{path}: [agent.shots] needs light for {longest_s:g} s at a time, and [laser] allows"
+            f" longest_s = {config.laser.longest_s:g}"
+        )
     if config.odometry is None and not config.agent.stationary:
         raise ConfigError(
             f"{path}: there is a [laser], but no [odometry] that says when the robot stands; one"
@@ -141,7 +147,8 @@ def _shooter(config: RobotConfig, gear: Gear, rng: np.random.Generator) -> Shoot
     known = scanner(gear.scanner)
     aimer = Aimer(known, drive(gear.scanner.drive), config.agent.shots.rules())
     holder = Holder(Rules())
-    return Shooter(aimer, holder, rng, online=begin(known))
+    blink = config.agent.shots.blink_rules()
+    return Shooter(aimer, holder, rng, blink, online=begin(known))
 
 
 def _interlock(

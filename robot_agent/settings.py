@@ -1,5 +1,6 @@
 """`[agent]` of robot.toml: how the agent works, with complete defaults."""
 
+from dataclasses import replace
 from typing import Annotated, TypeAlias
 
 import msgspec
@@ -8,6 +9,7 @@ from msgspec import Meta
 from robot_agent.activation.rules import ShotRules
 from robot_agent.keyframes import Spacing
 from robot_agent.perception.spots import Optics
+from tagmap.arbitration.blink import BlinkRules
 
 Positive: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e3)]
 NotNegative: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
@@ -40,6 +42,7 @@ class ShotsTable(_Table, frozen=True):
     reach_m: Positive = SHOTS.reach_m
     threshold_m: Positive = SHOTS.threshold_m
     window_s: Annotated[float, Meta(ge=0.01, le=1.0)] = SHOTS.window_s
+    margin_s: Annotated[float, Meta(ge=0.005, le=0.2)] = SHOTS.margin_s
     settle_s: Annotated[float, Meta(ge=0.0, le=0.2)] = SHOTS.settle_s
     memory_s: Annotated[float, Meta(ge=0.0, le=1.0)] = SHOTS.memory_s
     write_s: Annotated[float, Meta(ge=0.01, le=1.0)] = SHOTS.write_s
@@ -47,6 +50,12 @@ class ShotsTable(_Table, frozen=True):
 
     def rules(self) -> ShotRules:
         return ShotRules(**{name: getattr(self, name) for name in self.__struct_fields__})
+
+    def blink_rules(self) -> BlinkRules:
+        """A slot is the longer the slower the line to the reader."""
+        usual, guard_s = BlinkRules(), 0.5 * self.margin_s
+        slot_s = usual.slot_s + (guard_s - usual.guard_s)
+        return replace(usual, slot_s=slot_s, guard_s=guard_s)
 
 
 class AgentTable(_Table, frozen=True):

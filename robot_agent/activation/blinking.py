@@ -16,8 +16,8 @@ from robot_agent.laser.interlock import SECOND_NS, Permit
 from robot_agent.rfid.reader import Inventory
 from tagmap.arbitration.blink import Blink, BlinkRules, Reading
 
-LEAD_S, GUARD_S = 0.03, 0.01
-"""To turn the mirrors before the first slot; for the line to the reader at the end of each."""
+LEAD_S = 0.03
+"""To turn the mirrors before the first slot."""
 AFTER_S = 1.0
 """In steady light after a code that was followed: the depth, and the memory."""
 
@@ -95,14 +95,14 @@ def _slot(rules: BlinkRules, begin_ns: int, on: bool) -> Act[list[Reading] | str
     reply = yield Wait(begin_ns)
     end_ns = begin_ns + rules.slot_ns
     if on:
-        reply = yield Light(max(0.0, (end_ns - reply.now_ns) / SECOND_NS - GUARD_S / 2))
+        reply = yield Light(max(0.0, (end_ns - reply.now_ns) / SECOND_NS - rules.guard_s / 2))
         if isinstance(reply.value, Denied):
             return reply.value.why
     else:
         yield Dark()
     listen_ns = begin_ns + round(rules.settle_s * SECOND_NS)
     yield Wait(listen_ns)
-    reply = yield Listen(rules.slot_s - rules.settle_s - GUARD_S)
+    reply = yield Listen(rules.listen_s)
     if not isinstance(reply.value, Inventory):
         return str(getattr(reply.value, "detail", "the reader did not answer"))
     if reply.now_ns >= end_ns:

@@ -43,6 +43,12 @@ class ShotRules:
         return self.settle_s + self.window_s + self.margin_s
 
     @property
+    def longest_s(self) -> float:
+        """What it asks for at a time: to look, to read, to write."""
+        work_s = max(self.memory_s or self.window_s, self.write_s)
+        return max(self.shot_s, work_s + self.margin_s)
+
+    @property
     def proof_s(self) -> float:
         """The first window that is not silent, the dark one, one to each of four sides, memory."""
         return 6.0 * self.shot_s + self.memory_s

@@ -19,19 +19,29 @@ class BlinkRules:
     slot_s    long enough for the reader to hear a lit tag at least once
     settle_s  at the beginning of each slot, in which readings do not count: power-up of the tag,
               after-glow, and how late the reader reports
+    guard_s   at its end, for the line to the reader
     missed    slots with the laser on in which the tag may stay unheard
     """
 
     slots: int = 16
     slot_s: float = 0.06
     settle_s: float = 0.02
+    guard_s: float = 0.01
     missed: int = 1
 
     def __post_init__(self) -> None:
         if self.slots < 2 or self.slots % 2 or not 0 <= self.missed < self.slots // 2:
             raise ValueError(f"a code of {self.slots} slots of which {self.missed} may be missed")
-        if not 0.0 <= self.settle_s < self.slot_s:
-            raise ValueError(f"settle_s is {self.settle_s}, expected less than slot_s")
+        if min(self.settle_s, self.guard_s) < 0.0 or self.listen_s <= 0.0:
+            raise ValueError(
+                f"settle_s and guard_s are {self.settle_s} and {self.guard_s}, expected less than"
+                f" slot_s altogether, {self.slot_s}"
+            )
+
+    @property
+    def listen_s(self) -> float:
+        """In every slot."""
+        return self.slot_s - self.settle_s - self.guard_s
 
     @property
     def slot_ns(self) -> int:
