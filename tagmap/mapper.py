@@ -16,7 +16,7 @@ from tagmap.mapping.ingest import Ingest
 from tagmap.mapping.ledger import Counters
 from tagmap.mapping.live import Known, LiveRobots
 from tagmap.mapping.past import Moment
-from tagmap.mapping.surveying import SurveyedPosition
+from tagmap.mapping.surveying import Surveys
 from tagmap.mapping.usable import check_request
 from tagmap.records import (
     Ack,
@@ -67,7 +67,7 @@ class Mapper:
         self.ingest = Ingest(site)
         self.book = MapBook()
         self.live = LiveRobots()
-        self.surveys: dict[str, SurveyedPosition] = {}
+        self.surveys = Surveys()
         self.alive: set[str] = set()
 
     def step(self, arrivals: Iterable[Arrival]) -> Outcome:
@@ -153,14 +153,15 @@ class Mapper:
         """What `tagmap status` shows of the mapper; counters are of all robots together."""
         ledgers = self.ingest.robots.values()
         counters = [ledger.counters.as_dict() for ledger in ledgers] or [Counters().as_dict()]
-        version = self.book.version
+        version, surveys = self.book.version, self.surveys.in_force.values()
         return {
             "site": self.site,
             "kind": self.ingest.kind,
             "gauge": self.book.gauge,
             "map_version": self.book.number,
             "withheld": version.withheld if version else 0,
-            "surveyed": len(self.surveys),
+            "surveyed": len(surveys),
+            "surveyed_by_memory": sum(survey.source == "memory" for survey in surveys),
             "alive": len(self.alive),
             "counters": {name: sum(one[name] for one in counters) for name in (counters or [{}])[0]}
             | {"stray": self.ingest.stray},

@@ -9,9 +9,10 @@ from tagmap.cli.options import Target, client
 from tagmap.cli.show import position, show_facts, show_json, show_table
 
 COLUMNS = [
-    "tag", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m", "state", "n",
+    "tag", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m", "state", "n", "survey",
 ]  # fmt: skip
-MEMORY_COLUMNS = ["tag", "state", "robot", "writes", "reason"]
+SHOWN = ["p_m", "sigma_m", "cov", "source", "read_by"]
+MEMORY_COLUMNS = ["tag", "state", "robot", "writes", "survey", "reason"]
 
 
 @click.group()
@@ -28,7 +29,7 @@ def tags() -> None:
 def list_(
     target: Target, state: str | None, bbox: str | None, version: int | None, memory: bool
 ) -> None:
-    """List tags with their positions and standard deviations."""
+    """List tags with their positions and standard deviations, and who surveyed them."""
     if memory:
         if (state, bbox, version) != (None, None, None):
             raise click.UsageError("--memory lists all tags, without other options")
@@ -47,12 +48,13 @@ def list_(
 @click.argument("tag")
 @client
 def show(target: Target, tag: str) -> None:
-    """Show one tag, and its survey if there is one."""
+    """Show one tag, and its survey if there is one: an operator's, or its own memory's."""
     data = ask(target, "tags", "show", tag=tag)
     if target.as_json:
         show_json(data)
     else:
-        show_facts(data)
+        survey = data.pop("survey") or {}
+        show_facts(data | {f"survey {name}": survey[name] for name in SHOWN if survey})
 
 
 @tags.command(context_settings={"ignore_unknown_options": True})
@@ -66,6 +68,7 @@ def survey(target: Target, tag: str, x: float, y: float, z: float, sigma_m: floa
     """Tell where TAG is: X Y Z in m, measured by other means.
 
     Three or more surveyed tags anchor the map (two in the plane). A planar site ignores Z; give 0.
+    It counts in place of what the tag's own memory says.
     """
     data = ask(target, "tags", "survey", tag=tag, x_m=x, y_m=y, z_m=z, sigma_m=sigma_m)
     if target.as_json:
@@ -88,4 +91,4 @@ def _row(tag: dict[str, Any]) -> list[Any]:
     from tagmap.exchange.tags_csv import sigmas
 
     sigma_m = position(sigmas(tag["cov"]) if tag["cov"] else None)
-    return [tag["tag"], *position(tag["p_m"]), *sigma_m, tag["state"], tag["n"]]
+    return [tag["tag"], *position(tag["p_m"]), *sigma_m, tag["state"], tag["n"], tag.get("survey")]

@@ -62,12 +62,17 @@ def tags_list(mapper: Mapper, args: Args) -> Any:
 
         return read
     tags = selection.of(mapper.book.tags.values())
-    return _tag_list(mapper.book.number, mapper.book.gauge, tags)
+    listed = _tag_list(mapper.book.number, mapper.book.gauge, tags)
+    surveys = mapper.surveys.in_force
+    for tag in listed["tags"]:
+        survey = surveys.get(tag["tag"])
+        tag["survey"] = None if survey is None else survey.source
+    return listed
 
 
 def tags_show(mapper: Mapper, args: Args) -> Any:
     name = text(args, "tag")
-    tag, survey = mapper.book.tags.get(name), mapper.surveys.get(name)
+    tag, survey = mapper.book.tags.get(name), mapper.surveys.in_force.get(name)
     if tag is None and survey is None:
         raise RecordRefused(f"nobody has seen or surveyed tag {name!r}")
     shown: dict[str, Any] = {"tag": name, "state": "not mapped yet", "gauge": mapper.book.gauge}

@@ -83,7 +83,7 @@ class Facts:
         return usable_sessions(self.hellos, keyframes)
 
     def surveyed(self) -> list[SurveyedTag]:
-        return [SurveyedTag(s.tag, _three(s.p_m), s.sigma_m) for s in self.surveys]
+        return [SurveyedTag(s.tag, _three(s.p_m), s.sigma_m, s.cov) for s in self.surveys]
 
 
 def usable_sessions(

@@ -1,4 +1,5 @@
-"""Write-back: what the memories of tags were last read to hold, and the jobs that put them right.
+"""What the memories of tags were read to hold: what people surveyed, and the jobs that put right
+what they should say (write-back).
 
 Only what is committed is believed, so after a restart the planner knows what it knew.
 """
@@ -14,9 +15,11 @@ from tagmap.clock import Clock
 from tagmap.errors import RecordRefused
 from tagmap.link.keys import Keys
 from tagmap.mapper import Mapper
+from tagmap.mapping.surveying import Surveys
+from tagmap.memory.surveys import ReadSurveys
 from tagmap.records import JobResult, Keyframe, WriteJob, decode, encode
 from tagmap.service.ports import Sending
-from tagmap.store import Batch, Reading, SiteStore
+from tagmap.store import Batch, MemorySurvey, Reading, SiteStore
 from tagmap.writeback.map_wishes import wishes
 from tagmap.writeback.planner import Planner, Seer
 from tagmap.writeback.wanted import Owner
@@ -54,15 +57,21 @@ class Memories:
         self._tick_s = 0.0
         for row in store.memories():
             self._planner.restore(row.tag, row.memory, row.writes)
+        self.surveys = ReadSurveys(owner.site, owner.key)
+        for tag, memory, robot in store.readings():
+            self.surveys.hear(tag, memory, robot)
 
     def readings(self, keyframes: Iterable[Keyframe]) -> list[Reading]:
         """What these keyframes say that is not known already, to be committed with them."""
-        news: dict[str, Reading] = {}
+        news: dict[tuple[str, bytes], Reading] = {}
         for keyframe in keyframes:
             for sighting in keyframe.sightings:
                 tag, memory = sighting.tag, sighting.memory
                 if memory is not None and memory != self._planner.held(tag):
-                    news[tag] = Reading(tag, keyframe.robot, memory, self._clock.utc_ns())
+                    reading = Reading(tag, keyframe.robot, memory, self._clock.utc_ns())
+                    # What was read last comes last.
+                    news.pop((tag, memory), None)
+                    news[tag, memory] = reading
         return list(news.values())
 
     def heard(self, keyframes: Iterable[Keyframe], readings: Iterable[Reading]) -> None:
@@ -74,6 +83,7 @@ class Memories:
         for reading in readings:
             if reading.memory is not None:
                 self._planner.heard(reading.tag, reading.memory)
+                self.surveys.hear(reading.tag, reading.memory, reading.robot)
 
     def answer(self, event: JobAnswer, mapper: Mapper) -> None:
         """Commit what a robot says of its job, then believe it."""
@@ -86,6 +96,8 @@ class Memories:
         reading = Reading(result.tag, event.robot, result.read, self._clock.utc_ns(), *told)
         self._store.commit(Batch(readings=[reading]))
         self._planner.answer(event.robot, result, self._clock.monotonic_ns())
+        if result.read is not None:
+            self.surveys.hear(result.tag, result.read, event.robot)
         place = {"tag": result.tag, "robot": event.robot, "job": result.job}
         self._log.info("job answered", outcome=result.outcome, reason=result.reason, **place)
 
@@ -107,13 +119,35 @@ class Memories:
     def states(self, mapper: Mapper) -> list[dict[str, Any]]:
         """For `tagmap tags list --memory`."""
         self._follow(mapper)
-        return [asdict(state) for state in self._planner.states(self._clock.monotonic_ns())]
+        states = self._planner.states(self._clock.monotonic_ns())
+        return [asdict(state) | {"survey": self._verdict(state.tag, mapper)} for state in states]
+
+    def news(self, surveys: Surveys) -> list[MemorySurvey]:
+        """In what these differ from what the memories say people surveyed, to be committed."""
+        t_ns, found = self._clock.utc_ns(), self.surveys.found
+        over = [tag for tag in surveys.remembered if tag not in found]
+        told = [MemorySurvey(tag, None, None, None, t_ns) for tag in over]
+        for tag, one in found.items():
+            before = surveys.remembered.get(tag)
+            if before is None or (before.p_m, before.cov) != (one.p_m, one.cov):
+                told.append(MemorySurvey(tag, one.p_m, one.cov, one.robot, t_ns))
+        return told
+
+    def _verdict(self, tag: str, mapper: Mapper) -> str | None:
+        """What became of the survey that a memory tells."""
+        refused = self.surveys.refused.get(tag)
+        if refused is not None:
+            return f"refused: {refused}"
+        if tag not in self.surveys.found:
+            return None
+        return "an operator's counts" if tag in mapper.surveys.told else "counts"
 
     def _follow(self, mapper: Mapper) -> None:
         version = mapper.book.version
         if version is None or version.version == self._version:
             return
-        surveys = {tag: (survey.p_m, survey.sigma_m) for tag, survey in mapper.surveys.items()}
+        in_force = mapper.surveys.in_force
+        surveys = {tag: (survey.p_m, survey.covariance) for tag, survey in in_force.items()}
         self._planner.wanted = wishes(version, mapper.book.tags.values(), surveys)
         self._version = version.version
 

@@ -7,8 +7,8 @@ import msgspec
 from tagmap.mapper import Mapper
 from tagmap.mapping.live import Known
 from tagmap.mapping.session import MAX_RECENT, MAX_REFUSALS, SessionIndex
-from tagmap.mapping.surveying import SurveyedPosition
-from tagmap.store import SessionRow, SiteStore
+from tagmap.mapping.surveying import Source, SurveyedPosition, Surveys
+from tagmap.store import SessionRow, SiteStore, Survey
 
 
 def restore(store: SiteStore) -> Mapper:
@@ -19,9 +19,7 @@ def restore(store: SiteStore) -> Mapper:
         summary = store.summary(version.version) or {}
         scales = summary.get("scale"), summary.get("stereo_scale")
         mapper.book.restore(version, store.tags(), *scales)
-    for survey in store.surveys():
-        x, y, z = (*survey.p_m, 0.0)[:3]
-        mapper.surveys[survey.tag] = SurveyedPosition(survey.tag, (x, y, z), survey.sigma_m)
+    mapper.surveys = _surveys(store)
     rows = store.sessions()
     for row in rows:
         mapper.ingest.restore(_index(store, row), row.number)
@@ -29,6 +27,22 @@ def restore(store: SiteStore) -> Mapper:
     for row in {row.robot: row for row in rows if row.hello}.values():
         _restore_live(store, mapper, row, ends.get(f"{row.robot}/{row.session}"))
     return mapper
+
+
+def remembered(store: SiteStore) -> dict[str, SurveyedPosition]:
+    """What the tags' own memories say people surveyed."""
+    return {survey.tag: _position(survey) for survey in store.memory_surveys()}
+
+
+def _surveys(store: SiteStore) -> Surveys:
+    told = {one.tag: _position(one) for one in store.surveys() if one.robot is None}
+    return Surveys(told, remembered(store))
+
+
+def _position(survey: Survey) -> SurveyedPosition:
+    x, y, z = (*survey.p_m, 0.0)[:3]
+    source: Source = "operator" if survey.robot is None else "memory"
+    return SurveyedPosition(survey.tag, (x, y, z), survey.sigma_m, survey.cov, source, survey.robot)
 
 
 def _index(store: SiteStore, row: SessionRow) -> SessionIndex:

@@ -25,7 +25,7 @@ from tagmap.service.desk import Desk
 from tagmap.service.leasing import Leasing
 from tagmap.service.memories import JobAnswer, Memories
 from tagmap.service.ports import Answering, Receiving, Sending, Solver
-from tagmap.service.restore import restore
+from tagmap.service.restore import remembered, restore
 from tagmap.service.solver import Failed, Solved
 from tagmap.service.solving import Solving
 from tagmap.service.throttle import Throttle
@@ -94,6 +94,7 @@ class Service:
             if not self._do(self._handle, event):
                 self._turn_away(event)
         self._do(self._ingest, arrivals)
+        self._do(self._remember)
         self._do(self._follow)
         self._do(self.solving.tick)
         self._do(self._write_back)
@@ -117,15 +118,34 @@ class Service:
 
     def survey(self, positions: Iterable[SurveyedPosition]) -> int:
         """Store what is new among `positions`; returns how many that were."""
-        new = [p for p in positions if self.mapper.surveys.get(p.tag) != p]
+        told = self.mapper.surveys.told
+        new = [p for p in positions if told.get(p.tag) != p]
         if new:
             rows = [Survey(p.tag, p.p_m, p.sigma_m, self.clock.utc_ns()) for p in new]
             self.store.commit(Batch(surveys=rows))
-            self.mapper.surveys.update({p.tag: p for p in new})
-            self.solving.cadence.changed()
-            self.solving.cadence.want()
+            told.update({p.tag: p for p in new})
+            self._resolve()
             self.log.info("surveyed", count=len(new), tags=[p.tag for p in new[:NAMED]])
         return len(new)
+
+    def _remember(self) -> None:
+        """What the tags' own memories say people surveyed, where that is news."""
+        news = self.memories.news(self.mapper.surveys)
+        if not news:
+            return
+        before = self.mapper.surveys.in_force
+        self.store.commit(Batch(memory_surveys=news))
+        self.mapper.surveys.remembered = remembered(self.store)
+        after = self.mapper.surveys.in_force
+        tags = [one.tag for one in news if before.get(one.tag) != after.get(one.tag)]
+        if tags:
+            self._resolve()
+            self.log.info("surveyed by memory", count=len(tags), tags=tags[:NAMED])
+
+    def _resolve(self) -> None:
+        """The surveys are others: solve at once."""
+        self.solving.cadence.changed()
+        self.solving.cadence.want()
 
     def _handle(self, event: Any) -> None:
         match event:
@@ -263,6 +283,7 @@ class Service:
 
     def _status(self, query: Query, _args: Args) -> None:
         head, solver = self.mapper.status(), self.solving.state()
+        head["memories_refused"] = len(self.memories.surveys.refused)
 
         def lookup(store: SiteStore) -> Any:
             return head | asdict(store.counts()) | {"solver": solver}
@@ -275,7 +296,9 @@ class Service:
     def _survey_one(self, query: Query, args: Args) -> None:
         p_m = [args.get(name) for name in ("x_m", "y_m", "z_m")]
         self.survey([surveyed(args.get("tag"), p_m, args.get("sigma_m"))])
-        self.desk.confirm(query, {"tag": args["tag"], "surveyed": len(self.mapper.surveys)})
+        self.desk.confirm(
+            query, {"tag": args["tag"], "surveyed": len(self.mapper.surveys.in_force)}
+        )
 
     def _list_memories(self, query: Query, _args: Args) -> None:
         self.desk.confirm(query, {"tags": self.memories.states(self.mapper)})

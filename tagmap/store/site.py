@@ -8,7 +8,7 @@ from tagmap.errors import RecordRefused, StoreError
 from tagmap.records import Hello, Keyframe, MapVersion, Tag, decode
 from tagmap.store import archive, condensed, keyframes, maps, surveys
 from tagmap.store.archive import Keep
-from tagmap.store.batch import Batch, Inserted, MemorySurvey, RefusalRow, Survey
+from tagmap.store.batch import Batch, Inserted, RefusalRow, Survey
 from tagmap.store.connection import Connection
 from tagmap.store.ingest import insert_batch
 from tagmap.store.migrations import SITE, open_for_reading, open_for_writing
@@ -186,7 +186,7 @@ class SiteStore:
         own memory says."""
         return surveys.read(self._db)
 
-    def memory_surveys(self) -> list[MemorySurvey]:
+    def memory_surveys(self) -> list[Survey]:
         """What the memories say of all tags, also of those that operators surveyed."""
         return surveys.read_memories(self._db)
 

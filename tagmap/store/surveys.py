@@ -2,7 +2,7 @@
 
 import math
 
-from tagmap.store.batch import MemorySurvey, Survey
+from tagmap.store.batch import Survey
 from tagmap.store.blobs import unpack
 from tagmap.store.connection import Connection
 
@@ -17,23 +17,19 @@ _AXES = (0, 3, 5)
 
 def read(db: Connection) -> list[Survey]:
     """One of each tag, in their order: an operator's wins, whenever it was told."""
-    found = {one.tag: _survey(one) for one in read_memories(db)}
+    found = {survey.tag: survey for survey in read_memories(db)}
     for tag, p_m, sigma_m, t_ns in db.rows(_TOLD):
         found[tag] = Survey(tag, unpack(p_m), sigma_m, t_ns)
     return [found[tag] for tag in sorted(found)]
 
 
-def read_memories(db: Connection) -> list[MemorySurvey]:
+def read_memories(db: Connection) -> list[Survey]:
     """Of the tags whose memory still says so, in their order."""
-    return [
-        MemorySurvey(tag, unpack(p_m), unpack(cov), robot, t_ns)
-        for tag, p_m, cov, robot, t_ns, _ in db.rows(_REMEMBERED)
-        if p_m is not None
-    ]
+    rows = db.rows(_REMEMBERED)
+    return [_survey(*row) for *row, _ in rows if row[1] is not None]
 
 
-def _survey(one: MemorySurvey) -> Survey:
-    assert one.p_m is not None
-    assert one.cov is not None
-    sigma_m = math.sqrt(max(one.cov[i] for i in _AXES))
-    return Survey(one.tag, one.p_m, sigma_m, one.t_ns, one.cov, one.robot)
+def _survey(tag: str, p_m: bytes, cov: bytes, robot: str, t_ns: int) -> Survey:
+    upper = unpack(cov)
+    sigma_m = math.sqrt(max(upper[i] for i in _AXES))
+    return Survey(tag, unpack(p_m), sigma_m, t_ns, upper, robot)

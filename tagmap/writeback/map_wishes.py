@@ -10,12 +10,12 @@ SECOND_NS = 1_000_000_000
 
 
 def wishes(
-    version: MapVersion, tags: Iterable[Tag], surveys: Mapping[str, tuple[Vector, float]]
+    version: MapVersion, tags: Iterable[Tag], surveys: Mapping[str, tuple[Vector, Vector]]
 ) -> dict[str, Wanted]:
     """By tag; none on a floating map, whose positions are nobody's but its own.
 
-    `surveys`: position in map and sigma in m of the tags that people measured. Their memories get
-    the survey itself, so that who reads it may take it for one.
+    `surveys`: position in map and packed covariance of the tags that people measured. Their
+    memories get the survey itself, so that who reads it may take it for one.
     """
     if version.gauge != "anchored":
         return {}
@@ -23,8 +23,8 @@ def wishes(
     for tag in tags:
         if tag.p_m is None or tag.cov is None or tag.state == "withheld":
             continue
-        survey = surveys.get(tag.tag) if tag.state == "surveyed" else None
-        p_m, cov = (tag.p_m, tag.cov) if survey is None else _of_survey(*survey)
+        survey = surveys.get(tag.tag) if tag.state in ("surveyed", "retired") else None
+        p_m, cov = survey or (tag.p_m, tag.cov)
         found[tag.tag] = Wanted(
             p_m=_position(p_m),
             cov=_covariance(cov),
@@ -35,11 +35,6 @@ def wishes(
             retired=tag.state == "retired",
         )
     return found
-
-
-def _of_survey(p_m: Vector, sigma_m: float) -> tuple[Vector, Vector]:
-    variance = sigma_m * sigma_m
-    return p_m, (variance, 0.0, 0.0, variance, 0.0, variance)
 
 
 def _position(p_m: Vector) -> tuple[float, float, float]:

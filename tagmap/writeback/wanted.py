@@ -70,6 +70,8 @@ def judge(wanted: Wanted, memory: bytes, tag: str, owner: Owner, writes: int) ->
     """Of a memory as it was last read and that was written `writes` times."""
     try:
         contents = read(memory, tag, owner.key, owner.site)
+        if contents.record is not None and _is_lost(contents.record, wanted):
+            return Judgement("kept", "people surveyed it, and the map does not use that survey")
         difference = _difference(wanted, contents.record) or contents.reason
         if difference is None:
             return FINE
@@ -84,8 +86,15 @@ def judge(wanted: Wanted, memory: bytes, tag: str, owner: Owner, writes: int) ->
     return Judgement("write", difference)
 
 
+def _is_lost(record: TagRecord, wanted: Wanted) -> bool:
+    """Whether what people measured would give way to what a map made of it: they alone decide."""
+    return record.surveyed and not wanted.surveyed and not wanted.retired
+
+
 def _difference(wanted: Wanted, record: TagRecord | None) -> str | None:
     if record is None:
+        return None
+    if record.retired and wanted.retired:
         return None
     if (record.retired, record.surveyed) != (wanted.retired, wanted.surveyed):
         return "other flags"

@@ -37,7 +37,7 @@ def test_the_last_word_of_a_memory_counts_and_may_take_it_back(path: Path) -> No
         words = [remembered("a", 1.0, 9), remembered("a", 2.0, 3, "r2"), remembered("b", 1.0)]
         store.commit(Batch(memory_surveys=[*words, gone("b")]))
         (only,) = store.memory_surveys()
-        assert only == words[1]
+        assert (only.tag, only.p_m, only.t_ns, only.robot) == ("a", (2.0, 0.0, 0.0), 3, "r2")
         store.commit(Batch(memory_surveys=[remembered("b", 4.0, 2)]))
         assert [one.p_m[0] for one in store.surveys()] == [2.0, 4.0]
     assert check(path) == []

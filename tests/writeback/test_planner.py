@@ -164,6 +164,39 @@ def test_frozen_records_stay():
     assert (state(one).state, state(one).reason) == ("kept", "the record there is frozen")
 
 
+@pytest.mark.parametrize("fields", [{}, {"frozen": True}, {"cov": None}], ids=str)
+@pytest.mark.parametrize("version", [0, 2])
+def test_a_surveyed_record_gives_way_to_no_map(fields, version):
+    """However far from it the map has the tag: people measured it, and people decide."""
+    surveyed = replace(wanted(9.0).record(OWNER, 1), surveyed=True, map_version=version, **fields)
+    one = planner(encode_for(88, surveyed, TAG).ljust(88, b"\0"), version=3)
+    assert plan(one, NEAR) == []
+    assert state(one).state == "kept"
+    assert "surveyed" in state(one).reason
+
+
+def test_a_surveyed_record_gives_way_to_another_survey():
+    surveyed = memory_with(wanted(9.0, surveyed=True))
+    one = planner(surveyed, version=2, surveyed=True)
+    (order,) = plan(one, NEAR)
+    told = read(order.job.record.ljust(88, b"\0"), TAG).record
+    assert (told.surveyed, told.p_m[0]) == (True, 1.0)
+    one = planner(surveyed, x_m=9.005, version=2, surveyed=True)
+    assert plan(one, NEAR) == []
+    assert state(one).state == "verified"
+
+
+def test_a_retired_tag_is_marked_even_if_people_surveyed_it():
+    one = planner(memory_with(wanted(1.0, surveyed=True)), version=2, surveyed=True, retired=True)
+    (order,) = plan(one, NEAR)
+    marked = order.job.record.ljust(88, b"\0")
+    told = read(marked, TAG).record
+    assert (told.surveyed, told.retired) == (True, True)
+    one = planner(marked, version=3, retired=True)
+    assert plan(one, NEAR) == []
+    assert state(one).state == "verified"
+
+
 def test_worn_memories_are_left_alone(monkeypatch):
     monkeypatch.setattr("tagmap.memory.writing.ENDURED_WRITES", 2)
     one = planner()

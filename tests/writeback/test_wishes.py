@@ -1,7 +1,5 @@
 """What the map wants its tags to say."""
 
-import pytest
-
 from tagmap.memory.provenance import is_prior
 from tagmap.records import MapVersion, Tag
 from tagmap.writeback.map_wishes import wishes
@@ -43,10 +41,10 @@ def test_nothing_is_wanted_of_a_floating_map_or_a_withheld_tag():
 
 
 def test_a_surveyed_tag_gets_its_survey_and_not_what_the_map_made_of_it():
-    surveys = {"e2000001": ((1.01, 2.0, 3.0), 0.005)}
+    cov = (2.5e-5, 1e-6, 0.0, 3.5e-5, 0.0, 2.5e-5)
+    surveys = {"e2000001": ((1.01, 2.0, 3.0), cov)}
     (one,) = wishes(version(), [tag(state="surveyed")], surveys).values()
-    assert one.p_m == (1.01, 2.0, 3.0)
-    assert one.cov == pytest.approx((2.5e-5, 0.0, 0.0, 2.5e-5, 0.0, 2.5e-5))
+    assert (one.p_m, one.cov) == ((1.01, 2.0, 3.0), cov)
     assert is_prior(one.record(Owner(3), 1))
     (one,) = wishes(version(), [tag()], surveys).values()
     assert not one.surveyed
@@ -54,7 +52,10 @@ def test_a_surveyed_tag_gets_its_survey_and_not_what_the_map_made_of_it():
 
 def test_retired_tags_are_marked():
     (one,) = wishes(version(), [tag(state="retired")], {}).values()
-    assert one.retired
+    assert (one.retired, one.surveyed) == (True, False)
+    surveys = {"e2000001": ((1.01, 2.0, 3.0), COV_3)}
+    (one,) = wishes(version(), [tag(state="retired")], surveys).values()
+    assert (one.retired, one.surveyed, one.p_m) == (True, True, (1.01, 2.0, 3.0))
 
 
 def test_planar_maps_lie_at_height_zero():
