@@ -4,7 +4,7 @@ Repeatable: what happens to a message depends on the seed, on the participant an
 and got before, and on nothing else.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,12 +13,13 @@ from fleet.virtual.matching import meets
 from fleet.virtual.port import Port
 from fleet.virtual.question import Question
 from fleet.virtual.virtual_time import VirtualTime
-from fleet.virtual.weather import CALM, Parts, Passage, Weather
+from fleet.virtual.weather import CALM, Parts, Passage, Spell, Weather
 from tagmap.link.query import Reply
 
 
 class Bus:
-    """`weather` of all connections but those of the participants in `of`."""
+    """`weather` of all connections but those of the participants in `of`; `spells` of bad weather,
+    by participant. `tap` hears of every put, when it leaves."""
 
     def __init__(
         self,
@@ -26,8 +27,11 @@ class Bus:
         seed: int,
         weather: Weather = CALM,
         of: Mapping[str, Weather] | None = None,
+        spells: Mapping[str, Sequence[Spell]] | None = None,
+        tap: Callable[[int, str, bytes], None] | None = None,
     ) -> None:
         self.time = time
+        self._spells, self._tap = dict(spells or {}), tap
         self._seed, self._weather, self._of = seed, weather, dict(of or {})
         self._connections: dict[str, Connection] = {}
         self._ports: dict[str, Port] = {}
@@ -51,7 +55,8 @@ class Bus:
     def connection(self, name: str) -> Connection:
         if name not in self._connections:
             weather = self._of.get(name, self._weather)
-            self._connections[name] = Connection(name, weather, self._seed)
+            spells = self._spells.get(name, ())
+            self._connections[name] = Connection(name, weather, self._seed, spells)
         return self._connections[name]
 
     def tokens(self) -> list[str]:
@@ -60,6 +65,8 @@ class Bus:
 
     def carry(self, sender: Port, key: str, payload: bytes) -> None:
         """One put, to all who subscribe to it."""
+        if self._tap is not None:
+            self._tap(self.time.now_ns(), key, payload)
         for message in self.up(sender, (payload,)):
             for port in self._ports.values():
                 if any(meets(key_expr, key) for key_expr, _ in port.subscribed):

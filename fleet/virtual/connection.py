@@ -1,6 +1,8 @@
 """One participant's connection with the router, and when it is cut."""
 
-from fleet.virtual.weather import Way, Weather
+from collections.abc import Sequence
+
+from fleet.virtual.weather import Spell, Way, Weather
 from tagmap.link.settings import LEASE_MS
 
 LEASE_NS = LEASE_MS * 1_000_000
@@ -11,9 +13,11 @@ class Connection:
     """What is sent while it is cut is lost. Both sides notice after a lease of the link; then it
     takes `RECONNECT_NS` from the end of the cut until they are connected again."""
 
-    def __init__(self, name: str, weather: Weather, seed: int) -> None:
-        self.up = Way(weather, f"{seed}/{name}/up")
-        self.down = Way(weather, f"{seed}/{name}/down", weather.per_s)
+    def __init__(
+        self, name: str, weather: Weather, seed: int, spells: Sequence[Spell] = ()
+    ) -> None:
+        self.up = Way(weather, f"{seed}/{name}/up", spells=spells)
+        self.down = Way(weather, f"{seed}/{name}/down", is_down=True, spells=spells)
         self._cuts: list[tuple[int, int | None]] = []
 
     def cut(self, from_ns: int, until_ns: int | None) -> None:

@@ -8,7 +8,8 @@ from tagmap.link.keys import Keys
 from tagmap.records import AdminReply, AdminRequest, decode, encode
 
 REPLY_BYTES = 2**26
-PATIENCE_S = 600.0
+PAUSE_NS = 250_000_000
+TRIES, TRY_S = 20, 30.0
 
 
 class Operator:
@@ -18,18 +19,26 @@ class Operator:
         self._port, self._keys = bus.port(name), keys
 
     def ask(self, noun: str, verb: str, **args: Any) -> Any:
-        """Raises LinkError when nobody answers, TagmapError when the service refuses."""
+        """Again while question or answer may have been lost. Raises LinkError when nobody answers,
+        TagmapError when the service refuses."""
         payload = encode(AdminRequest(args=args))
         selector = self._keys.admin(noun, verb)
-        for reply in self._port.ask(selector, payload, timeout_s=PATIENCE_S):
-            if reply.payload is None:
-                raise LinkError(f"{selector}: {reply.error}")
-            answer = decode(AdminReply, reply.payload, REPLY_BYTES)
-            if answer.error is not None:
-                raise TagmapError(f"{noun} {verb}: {answer.error}")
-            return answer.data
-        raise LinkError(f"{selector}: nobody could be asked")
+        for _ in range(TRIES):
+            for reply in self._port.get(selector, payload, timeout_s=TRY_S):
+                if reply.payload is not None:
+                    return _data(reply.payload, f"{noun} {verb}")
+                if reply.error != "Timeout":
+                    raise TagmapError(f"{noun} {verb}: {reply.error}")
+            self._port.wait(lambda: False, self._port.now_ns() + PAUSE_NS)
+        raise LinkError(f"{selector}: no answer, asked {TRIES} times")
 
     def solve_finally(self) -> Any:
         """The map over everything that was sent, from nothing: what the version is made of."""
         return self.ask("map", "solve", from_nothing=True)
+
+
+def _data(payload: bytes, about: str) -> Any:
+    answer = decode(AdminReply, payload, REPLY_BYTES)
+    if answer.error is not None:
+        raise TagmapError(f"{about}: {answer.error}")
+    return answer.data

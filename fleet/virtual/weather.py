@@ -1,6 +1,7 @@
 """What a connection does to the messages that pass it, repeatably."""
 
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -47,56 +48,73 @@ class Passage:
     is_late: bool = False
 
 
-class Way:
-    """One direction of a connection."""
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """Weather for a while."""
 
-    def __init__(self, weather: Weather, seed: str, per_s: float | None = None) -> None:
-        self._weather, self._per_s = weather, per_s
+    from_ns: int
+    until_ns: int
+    weather: Weather
+
+
+class Way:
+    """One direction of a connection. `is_down`: to the participant, who may be a slow consumer."""
+
+    def __init__(
+        self, weather: Weather, seed: str, is_down: bool = False, spells: Sequence[Spell] = ()
+    ) -> None:
+        self._usual, self._is_down, self._spells = weather, is_down, spells
         self._rng = random.Random(seed)
         self._last_ns: dict[str, int] = {}
         self._free_ns = 0.0
 
     def carry(self, message: Passage, sender: str) -> list[Passage]:
         """When it arrives, how often, and what has become of it."""
-        weather, chance = self._weather, self._rng.random
-        if chance() < weather.lost or not self._has_room(message.t_ns):
+        weather, chance = self._weather(message.t_ns), self._rng.random
+        if chance() < weather.lost or not self._has_room(weather, message.t_ns):
             return []
         copies = 2 if chance() < weather.doubled else 1
-        return [self._passed(message, sender) for _ in range(copies)]
+        return [self._passed(weather, message, sender) for _ in range(copies)]
 
-    def takes_ns(self) -> int:
+    def takes_ns(self, weather: Weather | None = None) -> int:
         """Of a message that is neither lost nor spoilt: routers see to those."""
-        weather = self._weather
+        weather = weather or self._usual
         return round(self._rng.uniform(weather.fastest_ms, weather.slowest_ms) * MS_NS)
 
-    def _passed(self, message: Passage, sender: str) -> Passage:
+    def _weather(self, t_ns: int) -> Weather:
+        return next(
+            (one.weather for one in self._spells if one.from_ns <= t_ns < one.until_ns),
+            self._usual,
+        )
+
+    def _passed(self, weather: Weather, message: Passage, sender: str) -> Passage:
         """Order is kept between two participants, but for what is late."""
-        arrival_ns = max(message.t_ns + self.takes_ns(), round(self._free_ns))
-        parts = self._spoilt(message.parts)
-        if self._rng.random() < self._weather.late:
-            more_ns = round(self._rng.uniform(0.0, self._weather.late_ms) * MS_NS)
+        arrival_ns = max(message.t_ns + self.takes_ns(weather), round(self._free_ns))
+        parts = self._spoilt(weather, message.parts)
+        if self._rng.random() < weather.late:
+            more_ns = round(self._rng.uniform(0.0, weather.late_ms) * MS_NS)
             return Passage(arrival_ns + more_ns, parts, True)
         if message.is_late:
             return Passage(arrival_ns, parts, True)
         self._last_ns[sender] = max(arrival_ns, self._last_ns.get(sender, 0))
         return Passage(self._last_ns[sender], parts)
 
-    def _has_room(self, t_ns: int) -> bool:
-        if self._per_s is None:
+    def _has_room(self, weather: Weather, t_ns: int) -> bool:
+        if weather.per_s is None or not self._is_down:
             return True
-        each_ns = 1e9 / self._per_s
-        if self._free_ns - t_ns > self._weather.queue * each_ns:
+        each_ns = 1e9 / weather.per_s
+        if self._free_ns - t_ns > weather.queue * each_ns:
             return False
         self._free_ns = max(self._free_ns, t_ns) + each_ns
         return True
 
-    def _spoilt(self, parts: Parts) -> Parts:
+    def _spoilt(self, weather: Weather, parts: Parts) -> Parts:
         chance = self._rng.random
-        if chance() < self._weather.torn:
+        if chance() < weather.torn:
             parts = tuple(
                 part[: self._rng.randrange(len(part))] if part else part for part in parts
             )
-        if chance() < self._weather.flipped:
+        if chance() < weather.flipped:
             parts = tuple(self._flipped(part) if part else part for part in parts)
         return parts
 

@@ -14,8 +14,6 @@ from tagmap.records import Pose, decode
 from tagmap.records.arrays import covariance, matrix
 
 IN_VIEW = 4
-EVERY_NS = 10_000_000_000
-"""Live poses farther apart than that are taken to be independent."""
 STALE_NS = 3_000_000_000
 STEP_NS = 500_000_000
 OVER_NS = 1_000_000_000
@@ -116,18 +114,6 @@ def p95_m(tracks: Mapping[str, Live]) -> float | None:
     errors = np.concatenate(chosen) if chosen else np.zeros(0)
     errors = errors[np.isfinite(errors)]
     return float(np.percentile(errors, 95)) if len(errors) else None
-
-
-def nees(tracks: Mapping[str, Live]) -> metrics.Nees | None:
-    """Of poses so far apart that their errors are their own."""
-    values: list[float] = []
-    for track in tracks.values():
-        next_ns = 0
-        for t_ns, value in zip(track.t_ns.tolist(), track.nees.tolist(), strict=True):
-            if t_ns >= next_ns and np.isfinite(value):
-                values.append(value)
-                next_ns = t_ns + EVERY_NS
-    return metrics.nees(6.0 * sum(values), 6 * len(values)) if values else None
 
 
 def availability(evidence: Evidence, tracks: Mapping[str, Live]) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 
 from fleet.evaluation.scores import poses as of_poses
 from fleet.evaluation.scores.changes import Changes, judge_changes
+from fleet.evaluation.scores.consistency import Consistency, judge_consistency
 from fleet.evaluation.scores.contract import Scores
 from fleet.evaluation.scores.delivery import Delivery, judge_delivery
 from fleet.evaluation.scores.evidence import Evidence
@@ -30,15 +31,13 @@ class Findings:
     delivery: Delivery
     memories: Memories
     changes: Changes
+    consistency: Consistency
     solve_s: tuple[float, ...]
 
 
 def find(evidence: Evidence, site_number: int) -> Findings:
     latest = evidence.latest
-    errors = {
-        one.version: tag_errors(evidence, one.version, one.gauge == "anchored")
-        for one in evidence.versions
-    }
+    errors = {one.version: tag_errors(evidence, one.version) for one in evidence.versions}
     T_truth_of = {version: one.T_truth_map for version, one in errors.items()}
     tags = errors[latest.version] if latest else None
     T = None if tags is None else tags.T_truth_map
@@ -53,6 +52,7 @@ def find(evidence: Evidence, site_number: int) -> Findings:
         judge_delivery(evidence),
         judge_memories(evidence, site_number),
         judge_changes(evidence, T_truth_of),
+        judge_consistency(evidence),
         _solve_s(evidence),
     )
 
@@ -61,9 +61,9 @@ def score(findings: Findings, report: str | None) -> Scores:
     evidence, world = findings.evidence, findings.evidence.world
     tags, smoothed, live = findings.tags, findings.smoothed, findings.live
     names, changes = findings.names, findings.changes
-    latest, nees_poses = evidence.latest, of_poses.nees(live)
+    latest = evidence.latest
+    nees_tags, nees_poses = findings.consistency.tags, findings.consistency.poses
     anchored = latest is not None and latest.gauge == "anchored"
-    nees_tags = None if tags is None else tags.nees
     has_moves = bool(changes.found or changes.missed)
     ack_ms = findings.delivery.ack_ms
     return Scores(

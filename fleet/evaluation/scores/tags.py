@@ -9,7 +9,6 @@ from fleet.evaluation.scores.evidence import Evidence
 from tagmap.conventions import Array
 from tagmap.geometry.alignment import align
 from tagmap.records import Tag
-from tagmap.records.arrays import covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +20,6 @@ class TagErrors:
     T_truth_map: Array | None
     error_m: Array
     raw_m: Array
-    nees: metrics.Nees | None
     on_map: int
 
     @property
@@ -29,7 +27,7 @@ class TagErrors:
         return metrics.rms(self.error_m) if len(self.error_m) else None
 
 
-def tag_errors(evidence: Evidence, version: int, anchored: bool) -> TagErrors:
+def tag_errors(evidence: Evidence, version: int) -> TagErrors:
     """A tag that hangs more than once counts where it is nearest; one that has moved counts where
     it was when it was seen last."""
     seen = evidence.last_seen
@@ -40,9 +38,8 @@ def tag_errors(evidence: Evidence, version: int, anchored: bool) -> TagErrors:
     T = _alignment(p_map, pairs)
     p_true = _nearest(p_map if T is None else _act(T, p_map), pairs)
     aligned = np.full(len(pairs), np.nan) if T is None else _norm(_act(T, p_map) - p_true)
-    nees = None if T is None else _nees(T, p_map, p_true, [tag for tag, _ in pairs], anchored)
     names = tuple(tag.tag for tag, _ in pairs)
-    return TagErrors(names, T, aligned, _norm(p_map - p_true), nees, len(placed))
+    return TagErrors(names, T, aligned, _norm(p_map - p_true), len(placed))
 
 
 def _alignment(p_map: Array, pairs: list[tuple[Tag, Array]]) -> Array | None:
@@ -69,19 +66,6 @@ def _nearest(p: Array, pairs: list[tuple[Tag, Array]]) -> Array:
     all_places = [places for _, places in pairs]
     found = [each[np.argmin(_norm(each - at))] for at, each in zip(p, all_places, strict=True)]
     return np.array(found).reshape(-1, 3)
-
-
-def _nees(
-    T: Array, p_map: Array, p_true: Array, tags: list[Tag], anchored: bool
-) -> metrics.Nees | None:
-    """Of an anchored map in the frame it claims; of a floating one after alignment."""
-    if any(tag.cov is None for tag in tags) or len(tags) < 4:
-        return None
-    cov = np.array([covariance(tag.cov) for tag in tags if tag.cov is not None])
-    if anchored:
-        return metrics.landmark_nees(p_map, cov, p_true, aligned=False)
-    R = T[:3, :3]
-    return metrics.landmark_nees(_act(T, p_map), R @ cov @ R.T, p_true, aligned=True)
 
 
 def _act(T: Array, p: Array) -> Array:

@@ -1,0 +1,109 @@
+"""Whether the covariances tell the truth: NEES over all tags together, and over poses far apart.
+
+What the map serves are the covariances of each tag by itself, and errors of tags hang together: by
+the survey, by the calibration that all share. So the problem that the service had is solved once
+more, from what it stored, for the joint covariance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.evaluation import metrics
+from fleet.evaluation.scores.evidence import Evidence
+from fleet.evaluation.truth import at
+from tagmap.conventions import Array, Index
+from tagmap.errors import TagmapError
+from tagmap.estimation.optimise import Options
+from tagmap.estimation.settle import Settled, settle
+from tagmap.estimation.stack import stack
+from tagmap.geometry import se3
+from tagmap.geometry.alignment import align
+from tagmap.service.facts import Facts
+
+APART_NS = 30_000_000_000
+FIXED = 6
+"""Degrees of freedom of a frame that floats."""
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    tags: metrics.Nees | None
+    poses: metrics.Nees | None
+
+
+NOTHING = Consistency(None, None)
+
+
+def judge_consistency(evidence: Evidence) -> Consistency:
+    """Nothing where tags have moved or hang twice: then there is no one truth to compare with."""
+    if evidence.world.scenario.event or not evidence.keyframes:
+        return NOTHING
+    with evidence.store() as store:
+        facts = Facts()
+        facts.refresh(store)
+        sessions, surveys = facts.everything(store), facts.surveyed()
+    try:
+        settled = settle(stack(sessions, surveys), Options())
+        if settled.marginals is None or not len(settled.tags):
+            return NOTHING
+        return _judged(evidence, settled)
+    except (np.linalg.LinAlgError, ArithmeticError, TagmapError):
+        return NOTHING
+
+
+def _judged(evidence: Evidence, settled: Settled) -> Consistency:
+    names = [settled.stacked.tags[k] for k in settled.tags]
+    p = settled.optimum.state.p
+    p_true = np.array([evidence.places(name, evidence.world.start_ns)[0] for name in names])
+    anchored = settled.start.anchored
+    fit = align(p_true, p)
+    T_map_true = np.eye(4) if anchored or not fit.determined else fit.T_b_a
+    error = (p - se3.act(T_map_true, p_true)).ravel()
+    assert settled.marginals is not None
+    cov = settled.marginals.joint(np.arange(len(p)))
+    rank = len(error) - (0 if anchored else FIXED)
+    return Consistency(
+        metrics.nees(_along_largest(error, cov, rank), rank),
+        _of_poses(evidence, settled, T_map_true),
+    )
+
+
+def _along_largest(error: Array, cov: Array, rank: int) -> float:
+    """Along the `rank` directions of largest variance; the others are those of the free frame."""
+    values, vectors = np.linalg.eigh(cov)
+    along = vectors[:, -rank:].T @ error
+    return float((along**2 / values[-rank:]).sum())
+
+
+def _of_poses(evidence: Evidence, settled: Settled, T_map_true: Array) -> metrics.Nees | None:
+    assert settled.marginals is not None
+    stacked, T = settled.stacked, settled.optimum.state.T
+    chosen: list[int] = []
+    delta: list[Array] = []
+    for s, hello in enumerate(stacked.sessions):
+        mine = np.flatnonzero(
+            (settled.poses >= stacked.bounds[s]) & (settled.poses < stacked.bounds[s + 1])
+        )
+        for k in _apart(stacked.t_ns[settled.poses[mine]]):
+            t_ns = evidence.world_ns(hello.robot, int(stacked.t_ns[settled.poses[mine[k]]]))
+            T_true, known = at("spatial", evidence.tracks[hello.robot], np.array([t_ns]))
+            if len(known):
+                chosen.append(int(mine[k]))
+                T_map_base = T_map_true @ T_true[0]
+                delta.append(se3.log(se3.inverse(T_map_base) @ T[mine[k]]))
+    if not chosen:
+        return None
+    cov = settled.marginals.poses(np.array(chosen))
+    each = np.array(delta)
+    whole = np.einsum("ni,ni->", each, np.linalg.solve(cov, each[..., None])[..., 0])
+    return metrics.nees(float(whole), 6 * len(chosen))
+
+
+def _apart(t_ns: Index) -> list[int]:
+    """Positions of those that are APART_NS from each other."""
+    taken: list[int] = []
+    for k, t in enumerate(t_ns.tolist()):
+        if not taken or t - int(t_ns[taken[-1]]) >= APART_NS:
+            taken.append(k)
+    return taken
