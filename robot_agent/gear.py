@@ -82,6 +82,8 @@ def open_gear(config: RobotConfig, path: Path, opened: ExitStack) -> Gear:
     if config.laser is not None:
         laser = open_laser(config.laser.device)
         reader = opened.enter_context(closing(required_reader(config, path)))
+        # Connects now: in the light of the first shot there is no time for that.
+        reader.probe()
     clocks = Clocks(time.time_ns, now_ns, second_ns, _wait_until)
     scanner = scanner_of(config)
     return Gear(rig, cameras, mounting, odometer, head, unit, scanner, laser, reader, clocks)

@@ -23,11 +23,11 @@ class Health:
         if trouble is None:
             if before is not None:
                 del self.troubles[device]
-                self._log.info(f"{device} works again")
+                self._log.info(f"{device}: works again")
             return
         self.troubles[device] = trouble
         if before is None:
-            self._log.warning(f"{device} failed, going on without", reason=trouble)
+            self._log.warning(f"{device}: failed, going on without", reason=trouble)
 
     def tell(self, what: str) -> None:
         """What the interlock has to say."""

@@ -89,6 +89,8 @@ class RobotEmulators:
         """Raises ConfigError and LinkError: files that cannot be written, ports that are taken."""
         try:
             make_folder(self._folder)
+            # The first image takes long; nobody is to wait for it.
+            self._exposures.pairs(None, 0.0)
             for outlet in self.outlets.values():
                 outlet.start()
             write_files(self._folder, self._robot, self._site, self.ports, self._baud)

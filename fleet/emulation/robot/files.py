@@ -21,6 +21,9 @@ from tagmap.records.rig_file import write_rig
 from tagmap.records.scanner_file import write_scanner
 
 HOST = "127.0.0.1"
+SHARED, LONGEST_S = {"margin_s": 0.1, "memory_s": 0.2, "write_s": 0.25}, 0.4
+"""An emulated reader has the computer together with the agent, cameras and whoever else: it is late
+more often than one in a box of its own."""
 ROBOT, RIG, SCANNER, PAN_TILT = "robot.toml", "rig.toml", "scanner.toml", "pan-tilt"
 
 
@@ -92,9 +95,10 @@ def with_addresses(config: RobotConfig, folder: Path, ports: Ports, baud: int) -
         config,
         cameras=CamerasTable(network=NetworkConfig(host=HOST, port=ports.cameras)),
         pan_tilt=pan_tilt,
-        laser=replace(config.laser, device=f"udp:{HOST}:{ports.laser}"),
+        laser=replace(config.laser, device=f"udp:{HOST}:{ports.laser}", longest_s=LONGEST_S),
         rfid=replace(config.rfid, llrp=LlrpConfig(host=HOST, port=ports.rfid)),
         odometry=replace(config.odometry, udp=UdpConfig(listen=f"{HOST}:{ports.odometry}")),
+        agent=replace(config.agent, shots=replace(config.agent.shots, **SHARED)),
     )
 
 
