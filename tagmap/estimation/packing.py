@@ -24,7 +24,6 @@ from tagmap.estimation.kernels.forms import (
 )
 from tagmap.estimation.kernels.layout import Linear, Short, Sighted, Steps
 from tagmap.estimation.problem import Odometry, Problem, Sightings, State
-from tagmap.geometry.camera import Camera
 from tagmap.geometry.stereo import StereoRig
 
 _CODES: dict[Form, int] = {
@@ -289,13 +288,9 @@ def rig_numbers(rig: StereoRig | None) -> Array:
     """(30,): see tagmap.estimation.kernels.forms."""
     numbers = np.zeros(RIG_SIZE)
     if rig is not None:
-        numbers[:9], numbers[9:18] = _camera(rig.left), _camera(rig.right)
+        numbers[:9], numbers[9:18] = rig.left.array, rig.right.array
         numbers[18:27], numbers[27:] = rig.T_right_left[:3, :3].ravel(), rig.T_right_left[:3, 3]
     return numbers
-
-
-def _camera(camera: Camera) -> Array:
-    return np.concatenate([camera.focal_px, camera.centre_px, camera.dist])
 
 
 def _steps(problem: Problem) -> Steps:

@@ -5,10 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry import camera, se3
-from tagmap.geometry.camera import Camera
-
-_STEPS = 6
+from tagmap.geometry.camera import Camera, rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +23,12 @@ def project(rig: StereoRig, p_cam: Array) -> tuple[Array, Array]:
 
     NaN where the point is not in front of both cameras.
     """
-    left, J_left = camera.project(rig.left, p_cam)
-    right, J_right = camera.project(rig.right, se3.act(rig.T_right_left, p_cam))
-    J_right = J_right @ rig.T_right_left[:3, :3]
-    return np.concatenate([left, right], axis=-1), np.concatenate([J_left, J_right], axis=-2)
+    from tagmap.geometry.kernels import pairs
+
+    shape = p_cam.shape[:-1]
+    px, J = np.empty((*shape, 4)), np.empty((*shape, 4, 3))
+    pairs.project(*_arrays(rig), rows(p_cam), px.reshape(-1, 4), J.reshape(-1, 4, 3))
+    return px, J
 
 
 def triangulate(rig: StereoRig, stereo_px: Array, cov: Array) -> tuple[Array, Array, Array]:
@@ -38,42 +37,18 @@ def triangulate(rig: StereoRig, stereo_px: Array, cov: Array) -> tuple[Array, Ar
     stereo_px (..., 4) with cov (..., 4, 4) in px^2. Gauss-Newton on the reprojection error from
     the linear solution. All NaN where the rays do not meet in front of both cameras.
     """
-    weight = np.linalg.inv(cov)
-    with np.errstate(all="ignore"):
-        p_cam = _intersect(rig, stereo_px)
-        for _ in range(_STEPS):
-            predicted, J = project(rig, p_cam)
-            J_weight = np.swapaxes(J, -1, -2) @ weight
-            cov_cam = _inverse_or_nan(J_weight @ J)
-            p_cam = p_cam + (cov_cam @ J_weight @ (stereo_px - predicted)[..., None])[..., 0]
-        predicted, _ = project(rig, p_cam)
-        error = stereo_px - predicted
-        chi2 = np.einsum("...i,...ij,...j->...", error, weight, error)
-    seen = np.isfinite(chi2)
-    return (
-        np.where(seen[..., None], p_cam, np.nan),
-        np.where(seen[..., None, None], cov_cam, np.nan),
-        np.where(seen, chi2, np.nan),
-    )
+    from tagmap.geometry.kernels import pairs
+
+    shape, weight = stereo_px.shape[:-1], np.linalg.inv(cov)
+    if cov.shape[:-2] != shape:
+        shape = np.broadcast_shapes(shape, cov.shape[:-2])
+        stereo_px = np.broadcast_to(stereo_px, (*shape, 4))
+        weight = np.broadcast_to(weight, (*shape, 4, 4))
+    z = rows(stereo_px)
+    p_cam, cov_cam, chi2 = np.empty((len(z), 3)), np.empty((len(z), 3, 3)), np.empty(len(z))
+    pairs.triangulate(*_arrays(rig), z, rows(weight).reshape(-1, 4, 4), p_cam, cov_cam, chi2)
+    return p_cam.reshape(*shape, 3), cov_cam.reshape(*shape, 3, 3), chi2.reshape(shape)
 
 
-def _intersect(rig: StereoRig, stereo_px: Array) -> Array:
-    """Least squares of the four equations x z = X, y z = Y of the two ideal rays: (..., 3)."""
-    rays = (
-        (camera.undistort(rig.left, stereo_px[..., :2]), np.eye(4)),
-        (camera.undistort(rig.right, stereo_px[..., 2:]), rig.T_right_left),
-    )
-    rows = [T[:2] - ray[..., :, None] * T[2] for ray, T in rays]
-    equations = np.concatenate(rows, axis=-2)
-    A, b = equations[..., :3], -equations[..., 3]
-    A_transposed = np.swapaxes(A, -1, -2)
-    solution: Array = (_inverse_or_nan(A_transposed @ A) @ A_transposed @ b[..., None])[..., 0]
-    return solution
-
-
-def _inverse_or_nan(matrix: Array) -> Array:
-    """Inverse of (..., 3, 3), NaN where it is singular: parallel rays meet nowhere."""
-    determinant = np.linalg.det(matrix)
-    singular = ~(np.abs(determinant) > 0.0)[..., None, None]
-    inverse = np.linalg.inv(np.where(singular, np.eye(3), matrix))
-    return np.where(singular, np.nan, inverse)
+def _arrays(rig: StereoRig) -> tuple[Array, Array, Array]:
+    return rig.left.array, rig.right.array, np.ascontiguousarray(rig.T_right_left)

@@ -99,5 +99,4 @@ def as_kernel_arrays(known: Known) -> tuple[Array, Array, Array, Array]:
 
 def camera_arrays(rig: StereoRig) -> tuple[Array, Array, Array]:
     """left (9,), right (9,) as the kernels take them, and T_right_left (3, 4)."""
-    left, right = (np.concatenate([c.focal_px, c.centre_px, c.dist]) for c in (rig.left, rig.right))
-    return left, right, np.ascontiguousarray(rig.T_right_left[:3])
+    return rig.left.array, rig.right.array, np.ascontiguousarray(rig.T_right_left[:3])

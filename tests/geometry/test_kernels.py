@@ -11,15 +11,11 @@ from tests.geometry.rigs import IDEAL, LEFT, RIGHT, points_in_view
 RNG = np.random.default_rng(0)
 
 
-def packed(model):
-    return np.concatenate([model.focal_px, model.centre_px, model.dist])
-
-
 @pytest.mark.parametrize("model", [LEFT, RIGHT, IDEAL])
 def test_rays_are_those_of_the_camera(model):
     px, _ = camera.project(model, points_in_view(RNG, (50,)))
     for u, v in px[np.isfinite(px).all(1)]:
-        x, y, *J = rays.undistort(packed(model), u, v)
+        x, y, *J = rays.undistort(model.array, u, v)
         ideal = camera.undistort(model, np.array([u, v]))
         np.testing.assert_allclose([x, y], ideal, atol=1e-12)
         _, D = camera.distort(model, np.array([x, y]))
@@ -27,7 +23,7 @@ def test_rays_are_those_of_the_camera(model):
 
 
 def test_a_pixel_past_the_fold_has_no_ray():
-    assert np.isnan(rays.undistort(packed(LEFT), -4000.0, -3000.0)).all()
+    assert np.isnan(rays.undistort(LEFT.array, -4000.0, -3000.0)).all()
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-7, 1e-4, 0.3, 3.0])

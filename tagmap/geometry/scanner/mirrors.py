@@ -29,12 +29,12 @@ Two parameters are pure gauge: no beam tells neutral_1 from the pitch of the inc
 with its height), nor neutral_2 from a turn of the whole frame about x.
 """
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry import so3
+from tagmap.geometry.camera import rows
 
 PARAMETERS = (
     "separation_m",
@@ -46,9 +46,6 @@ PARAMETERS = (
     "incident_yaw_rad",
     "incident_pitch_rad",
 )
-X, Y, Z = np.eye(3)
-MIRRORED = np.array([1.0, 1.0, -1.0])
-_COLUMNS = 2 + len(PARAMETERS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +71,7 @@ class Mirrors:
     @property
     def values(self) -> Array:
         """(8,)"""
-        return np.array(astuple(self))
+        return np.array([getattr(self, name) for name in PARAMETERS])
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,68 +91,9 @@ def beam(mirrors: Mirrors, theta: Array) -> Beam:
     NaN where the beam would not meet the face of a mirror. The start is where a flat mirror of
     any size is hit; only the line is determined by where beams end.
     """
-    phi = theta - np.array([mirrors.neutral_1_rad, mirrors.neutral_2_rad])
-    n1, p1, n1_by, p1_by = _after_x(mirrors, phi[..., 0])
-    return _after_y(phi[..., 1], n1, p1, n1_by, p1_by)
+    from tagmap.geometry.kernels.mirrors import WIDTH, beams
 
-
-def _after_x(mirrors: Mirrors, phi: Array) -> tuple[Array, Array, Array, Array]:
-    """Direction and a point of the ray between the mirrors, and their Jacobians."""
-    lift, u = mirrors.separation_m * Z, _turn(Z, mirrors.skew_rad) @ Y
-    R = _turn(u, 2.0 * phi)
-    n_in, n_by_yaw, n_by_pitch = _incident(mirrors)
-    from_axis = MIRRORED * np.array([0.0, mirrors.incident_y_m, mirrors.incident_z_m])
-    n, p = R @ (MIRRORED * n_in), R @ from_axis
-    n_by, p_by = np.zeros((*n.shape, _COLUMNS)), np.zeros((*n.shape, _COLUMNS))
-    for image, mirrored, by in ((n, MIRRORED * n_in, n_by), (p, from_axis, p_by)):
-        by[..., 0] = 2.0 * np.cross(u, image)
-        by[..., 3] = np.cross(Z, image) - R @ np.cross(Z, mirrored)
-        by[..., 4] = -by[..., 0]
-    p_by[..., 2] = Z
-    p_by[..., 6], p_by[..., 7] = R @ Y, R @ -Z
-    n_by[..., 8], n_by[..., 9] = R @ (MIRRORED * n_by_yaw), R @ (MIRRORED * n_by_pitch)
-    # The face of mirror X looks down to mirror Y when both are parallel.
-    face = _turn(u, phi) @ -Z
-    n = np.where(((face @ n_in) < 0.0)[..., None], n, np.nan)
-    return n, lift + p, n_by, p_by
-
-
-def _after_y(phi: Array, n1: Array, p1: Array, n1_by: Array, p1_by: Array) -> Beam:
-    R = _turn(X, 2.0 * phi) * MIRRORED
-    face = _turn(X, phi) @ Z
-    n, p = _apply(R, n1), _apply(R, p1)
-    n_by, p_by, face_by = R @ n1_by, R @ p1_by, np.zeros_like(n1_by)
-    for image, by, rate in ((n, n_by, 2.0), (p, p_by, 2.0), (face, face_by, 1.0)):
-        by[..., 1] = rate * np.cross(X, image)
-        by[..., 5] = -by[..., 1]
-    # The mirror image of the ray meets the mirror where the ray does.
-    leaves = _dot(n, face)
-    n = np.where((leaves > 0.0)[..., None], n, np.nan)
-    along = (-_dot(p, face) / leaves)[..., None]
-    start = p + along * n
-    off_plane = (p_by + along[..., None] * n_by) * face[..., None] + start[..., None] * face_by
-    along_by = -off_plane.sum(axis=-2) / leaves[..., None]
-    start_by = p_by + along[..., None] * n_by + n[..., None] * along_by[..., None, :]
-    return Beam(start, n, start_by, n_by)
-
-
-def _incident(mirrors: Mirrors) -> tuple[Array, Array, Array]:
-    """Direction (3,) of the incident ray, and its derivatives by yaw and by pitch."""
-    pitch, yaw = _turn(Y, mirrors.incident_pitch_rad), _turn(Z, mirrors.incident_yaw_rad)
-    n = pitch @ yaw @ -X
-    return n, pitch @ np.cross(Z, yaw @ -X), np.cross(Y, n)
-
-
-def _turn(axis: Array, angle: Array | float) -> Array:
-    """Rotation (..., 3, 3) about a unit axis (3,) by angles (...)."""
-    return so3.exp(np.asarray(angle)[..., None] * axis)
-
-
-def _apply(R: Array, v: Array) -> Array:
-    image: Array = (R @ v[..., None])[..., 0]
-    return image
-
-
-def _dot(a: Array, b: Array) -> Array:
-    product: Array = (a * b).sum(axis=-1)
-    return product
+    rays = np.empty((*theta.shape[:-1], 2, 3, WIDTH))
+    beams(mirrors.values, rows(theta), rays.reshape(-1, 2, 3, WIDTH))
+    start, direction = rays[..., 0, :, :], rays[..., 1, :, :]
+    return Beam(start[..., 0], direction[..., 0], start[..., 1:], direction[..., 1:])

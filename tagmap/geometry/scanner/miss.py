@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry.scanner.mirrors import Mirrors, beam
+from tagmap.geometry.camera import rows
+from tagmap.geometry.scanner.mirrors import Mirrors
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,27 +27,27 @@ class Miss:
 
 def miss(mirrors: Mirrors, theta: Array, p_laser: Array) -> Miss:
     """Mirror angles theta (..., 2), points (..., 3). NaN where there is no beam."""
-    ray = beam(mirrors, theta)
-    across, spin = _across(ray.direction)
-    lever = p_laser - ray.start
-    off = (across @ lever[..., None])[..., 0]
-    ahead: Array = (lever * ray.direction).sum(axis=-1)
-    turned = across @ ray.direction_by
-    by = -across @ ray.start_by - ahead[..., None, None] * turned
-    # The axes across the beam turn about it when it turns.
-    about = (spin[..., None] * turned[..., 1, :])[..., None, :]
-    by += np.stack([off[..., 1], -off[..., 0]], axis=-1)[..., None] * about
+    from tagmap.geometry.kernels import pointing
+
+    shape, theta, p_laser = paired(theta, p_laser)
+    off, ahead = np.empty((*shape, 2)), np.empty(shape)
+    by, across = np.empty((*shape, 2, 10)), np.empty((*shape, 2, 3))
+    pointing.misses(
+        mirrors.values,
+        theta,
+        p_laser,
+        off.reshape(-1, 2),
+        ahead.reshape(-1),
+        by.reshape(-1, 2, 10),
+        across.reshape(-1, 2, 3),
+    )
     return Miss(off, ahead, by[..., :2], by[..., 2:], across)
 
 
-def _across(n: Array) -> tuple[Array, Array]:
-    """Unit axes (..., 2, 3) across directions n (..., 3), the first in the plane of n and x; and
-    the angle (...) by which they turn about n per rad of n along the second one."""
-    cosine = n[..., 0]
-    sine = np.sqrt(n[..., 1] ** 2 + n[..., 2] ** 2)
-    first = -cosine[..., None] * n
-    first[..., 0] += 1.0
-    first /= sine[..., None]
-    # first x n, not n x first: beams run along y, so that this one is about z.
-    second = np.cross(first, n)
-    return np.stack([first, second], axis=-2), -cosine / sine
+def paired(theta: Array, p: Array) -> tuple[tuple[int, ...], Array, Array]:
+    """Angles (..., 2) and points (..., 3) broadcast: their shape, and both as rows."""
+    shape = theta.shape[:-1]
+    if p.shape[:-1] != shape:
+        shape = np.broadcast_shapes(shape, p.shape[:-1])
+        theta, p = np.broadcast_to(theta, (*shape, 2)), np.broadcast_to(p, (*shape, 3))
+    return shape, rows(theta), rows(p)

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagmap.conventions import Array, Index
-from tagmap.geometry import se3, so3
+from tagmap.geometry import se3
 from tagmap.geometry.scanner.mirrors import PARAMETERS, Mirrors
-from tagmap.geometry.scanner.miss import miss
+from tagmap.geometry.scanner.miss import paired
 
 MODELS: dict[str, tuple[str, ...]] = {
     "pinhole": (),
@@ -53,18 +53,25 @@ class Pointing:
 
 def point(scanner: Scanner, theta: Array, p_cam: Array) -> Pointing:
     """Mirror angles theta (..., 2), points p_cam (..., 3)."""
-    T_laser_cam = se3.inverse(scanner.T_cam_laser)
-    p_laser = se3.act(T_laser_cam, p_cam)
-    there = miss(scanner.mirrors, theta, p_laser)
-    # p_laser = (T_cam_laser exp(delta))^-1 p_cam
-    by_delta = np.concatenate([-there.by_point, there.by_point @ so3.hat(p_laser)], axis=-1)
-    return Pointing(
-        there.off,
-        there.ahead,
-        there.by_theta,
-        there.by_point @ T_laser_cam[:3, :3],
-        np.concatenate([by_delta, there.by_mirrors[..., columns(scanner.free)]], axis=-1),
+    from tagmap.geometry.kernels import pointing
+
+    shape, theta, p_cam = paired(theta, p_cam)
+    n = 6 + len(scanner.free)
+    off, ahead, by_theta = np.empty((*shape, 2)), np.empty(shape), np.empty((*shape, 2, 2))
+    by_point, by_scanner = np.empty((*shape, 2, 3)), np.empty((*shape, 2, n))
+    pointing.points(
+        scanner.mirrors.values,
+        np.ascontiguousarray(scanner.T_cam_laser),
+        columns(scanner.free),
+        theta,
+        p_cam,
+        off.reshape(-1, 2),
+        ahead.reshape(-1),
+        by_theta.reshape(-1, 2, 2),
+        by_point.reshape(-1, 2, 3),
+        by_scanner.reshape(-1, 2, n),
     )
+    return Pointing(off, ahead, by_theta, by_point, by_scanner)
 
 
 def columns(free: tuple[str, ...]) -> Index:
