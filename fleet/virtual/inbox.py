@@ -5,8 +5,8 @@ from typing import Any
 
 from fleet.virtual.port import Port
 from tagmap.mapping.draft import Arrival
+from tagmap.service.inbox import CAPACITY
 from tagmap.service.listening import RING
-from tagmap.service.run import CAPACITY
 
 
 class VirtualInbox:

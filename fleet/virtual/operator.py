@@ -3,8 +3,9 @@
 from typing import Any
 
 from fleet.virtual.bus import Bus
-from tagmap.errors import LinkError, TagmapError
+from tagmap.errors import LinkError, RecordRefused, TagmapError
 from tagmap.link.keys import Keys
+from tagmap.link.query import Reply
 from tagmap.records import AdminReply, AdminRequest, decode, encode
 
 REPLY_BYTES = 2**26
@@ -25,10 +26,10 @@ class Operator:
         selector = self._keys.admin(noun, verb)
         for _ in range(TRIES):
             for reply in self._port.get(selector, payload, timeout_s=TRY_S):
-                if reply.payload is not None:
-                    return _data(reply.payload, f"{noun} {verb}")
-                if reply.error != "Timeout":
-                    raise TagmapError(f"{noun} {verb}: {reply.error}")
+                if (answer := _answer(reply)) is not None:
+                    if answer.error is not None:
+                        raise TagmapError(f"{noun} {verb}: {answer.error}")
+                    return answer.data
             self._port.wait(lambda: False, self._port.now_ns() + PAUSE_NS)
         raise LinkError(f"{selector}: no answer, asked {TRIES} times")
 
@@ -37,8 +38,11 @@ class Operator:
         return self.ask("map", "solve", from_nothing=True)
 
 
-def _data(payload: bytes, about: str) -> Any:
-    answer = decode(AdminReply, payload, REPLY_BYTES)
-    if answer.error is not None:
-        raise TagmapError(f"{about}: {answer.error}")
-    return answer.data
+def _answer(reply: Reply) -> AdminReply | None:
+    """None where it did not come, or not whole."""
+    if reply.payload is None:
+        return None if reply.error == "Timeout" else AdminReply(error=reply.error)
+    try:
+        return decode(AdminReply, reply.payload, REPLY_BYTES)
+    except RecordRefused:
+        return None

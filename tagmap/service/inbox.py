@@ -6,6 +6,8 @@ from typing import Any
 
 from tagmap.mapping.draft import Arrival
 
+CAPACITY = 2048
+
 
 class Inbox:
     """Arrivals are bounded: a full inbox makes their sender's thread wait, as a slow disk would.

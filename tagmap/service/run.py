@@ -16,14 +16,13 @@ from tagmap.link.router import RouterProcess
 from tagmap.link.session import Link
 from tagmap.mapping.surveying import SurveyedPosition
 from tagmap.service.archive import Archive
-from tagmap.service.inbox import Inbox
+from tagmap.service.inbox import CAPACITY, Inbox
 from tagmap.service.listening import listen
 from tagmap.service.shell import Service
 from tagmap.service.solver import SolverProcess
 from tagmap.store import Keep, SiteStore
 from tagmap.writeback.wanted import Owner
 
-CAPACITY = 2048
 OWN_ROUTER_S = 5.0
 ARCHIVE_STOP_S = 2.0
 
