@@ -7,6 +7,7 @@ from fleet.cli.demo import demo
 from fleet.cli.emulate import emulate
 from fleet.cli.emulate_galvo import galvo
 from fleet.cli.replay import replay
+from fleet.cli.run import run
 from fleet.cli.thesis import thesis
 from tagmap import __version__
 
@@ -18,5 +19,5 @@ def cli() -> None:
 
 
 emulate.add_command(galvo)
-for command in (demo, replay, emulate, bench, thesis):
+for command in (demo, run, replay, emulate, bench, thesis):
     cli.add_command(command)

@@ -72,3 +72,40 @@ class Progress:
         elif now_s - self._told_s >= LINE_EVERY_S:
             self._told_s = now_s
             self._tell(f"{self._stage}: {state}")
+
+
+class Clocked:
+    """How far the time of a world has come."""
+
+    def __init__(self, start_ns: int, end_ns: int, tell: Callable[[str], None]) -> None:
+        self._start_ns, self._total_s, self._tell = start_ns, 1e-9 * (end_ns - start_ns), tell
+        self._began_s = self._told_s = time.monotonic()
+        console = Console(stderr=True)
+        columns = (TextColumn("world"), BarColumn(), TextColumn("{task.fields[state]}"))
+        self._bar = Bar(*columns, console=console) if console.is_terminal else None
+        self._task = self._bar.add_task("", total=self._total_s, state="") if self._bar else None
+
+    def __enter__(self) -> Self:
+        if self._bar:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar:
+            self._bar.stop()
+
+    def show(self, now_ns: int) -> None:
+        """As often as you like."""
+        now_s, sim_s = time.monotonic(), 1e-9 * (now_ns - self._start_ns)
+        speed = sim_s / max(now_s - self._began_s, 1e-3)
+        state = f"{sim_s:.0f} of {self._total_s:.0f} s, {speed:.1f} x real time"
+        if self._bar and self._task is not None:
+            self._bar.update(self._task, completed=sim_s, state=state)
+        elif now_s - self._told_s >= LINE_EVERY_S:
+            self._told_s = now_s
+            self._tell(state)

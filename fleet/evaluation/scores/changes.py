@@ -59,7 +59,7 @@ def _seen(evidence: Evidence, epc: str, from_ns: int) -> list[int]:
     return [
         t_ns
         for keyframe in evidence.keyframes
-        if (t_ns := evidence.world_ns(keyframe.robot, keyframe.t_ns)) > from_ns
+        if (t_ns := evidence.when(keyframe)) > from_ns
         and any(sighting.tag == epc for sighting in keyframe.sightings)
     ]
 

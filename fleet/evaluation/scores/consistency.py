@@ -86,7 +86,9 @@ def _of_poses(evidence: Evidence, settled: Settled, T_map_true: Array) -> metric
             (settled.poses >= stacked.bounds[s]) & (settled.poses < stacked.bounds[s + 1])
         )
         for k in _apart(stacked.t_ns[settled.poses[mine]]):
-            t_ns = evidence.world_ns(hello.robot, int(stacked.t_ns[settled.poses[mine[k]]]))
+            t_ns = evidence.world_ns(
+                hello.robot, int(stacked.t_ns[settled.poses[mine[k]]]), hello.session
+            )
             T_true, known = at("spatial", evidence.tracks[hello.robot], np.array([t_ns]))
             if len(known):
                 chosen.append(int(mine[k]))

@@ -13,6 +13,7 @@ from fleet.simulation.world.world import World
 from tagmap.conventions import Array
 from tagmap.link.keys import Keys
 from tagmap.records import Keyframe, MapVersion, Tag
+from tagmap.records.codec import address_of
 from tagmap.store import SessionPoses, SiteStore
 
 TRUTH_NS = 20_000_000
@@ -60,7 +61,7 @@ class Evidence:
         """When each tag was sighted for the last time, by the clock of the world."""
         last: dict[str, int] = {}
         for keyframe in self.keyframes:
-            t_ns = self.world_ns(keyframe.robot, keyframe.t_ns)
+            t_ns = self.when(keyframe)
             for sighting in keyframe.sightings:
                 last[sighting.tag] = max(t_ns, last.get(sighting.tag, 0))
         return last
@@ -88,9 +89,33 @@ class Evidence:
     def latest(self) -> MapVersion | None:
         return max(self.versions, key=lambda one: one.version, default=None)
 
-    def world_ns(self, robot: str, t_ns: int) -> int:
-        """When the clock of the robot said so."""
-        return self.world.robots[robot].world_ns(t_ns)
+    def world_ns(self, robot: str, t_ns: int, session: str = "") -> int:
+        """When the clock of the robot said so. A clock that was set back says some things twice:
+        then it is the last time before the session's keyframe was sent."""
+        times = self.world.robots[robot].clock.all_world_ns(t_ns)
+        if len(times) == 1:
+            return times[0]
+        sent_ns = self.sent_ns.get((session, t_ns), times[-1])
+        return max((t for t in times if t <= sent_ns), default=times[0])
+
+    @cached_property
+    def sent_ns(self) -> dict[tuple[str, int], int]:
+        """When each keyframe was first put, by session and its own time."""
+        first: dict[tuple[str, int], int] = {}
+        numbers = {(k.session, k.seq): k.t_ns for k in self.keyframes}
+        for heard in self.heard:
+            robot = self.keys.robot_of(heard.key)
+            if robot is None or heard.key != self.keys.keyframes(robot):
+                continue
+            address = address_of(heard.payload)
+            t_ns = None if address is None else numbers.get((address.session, address.seq))
+            if address is not None and t_ns is not None:
+                first.setdefault((address.session, t_ns), heard.t_ns)
+        return first
+
+    def when(self, keyframe: Keyframe) -> int:
+        """Its exposure, by the clock of the world."""
+        return self.world_ns(keyframe.robot, keyframe.t_ns, keyframe.session)
 
     @cached_property
     def tracks(self) -> dict[str, TrueTrack]:

@@ -32,7 +32,7 @@ def judge_names(evidence: Evidence) -> Names:
     right, mistaken = 0, []
     for keyframe in evidence.keyframes:
         robot = evidence.world.robots[keyframe.robot]
-        t_ns = robot.world_ns(keyframe.t_ns)
+        t_ns = evidence.when(keyframe)
         T_cam_map = se3.inverse(_true_camera(robot, keyframe, t_ns))
         for sighting in keyframe.sightings:
             places = evidence.places(sighting.tag, t_ns)

@@ -146,9 +146,8 @@ def _poses(findings: Findings, axes: "Axes") -> str:
 def _acks(findings: Findings, latency: "Axes", names: "Axes") -> str:
     ms = findings.delivery.ack_ms
     if len(ms):
-        latency.hist(
-            np.clip(ms, 0.1, None), bins=np.geomspace(0.1, max(1e3, ms.max()), 60), color=BLUE
-        )
+        edges: Any = np.geomspace(0.1, max(1e3, ms.max()), 60)
+        latency.hist(np.clip(ms, 0.1, None), bins=edges, color=BLUE)
         latency.set_xscale("log")
     latency.set(xlabel="from keyframe to acknowledgement [ms]", ylabel="keyframes")
     kinds: dict[str, int] = {}

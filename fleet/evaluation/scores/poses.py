@@ -12,6 +12,7 @@ from tagmap.conventions import Array, Index
 from tagmap.errors import RecordRefused
 from tagmap.records import Pose, decode
 from tagmap.records.arrays import covariance, matrix
+from tagmap.store import SessionPoses
 
 IN_VIEW = 4
 STALE_NS = 3_000_000_000
@@ -42,7 +43,7 @@ class Live:
 
 
 def smoothed(evidence: Evidence, T_truth_map: Array) -> Smoothed:
-    parts = [_solved(evidence, T_truth_map, p.robot, p.t_ns, p.T) for p in evidence.poses]
+    parts = [_solved(evidence, T_truth_map, poses) for poses in evidence.poses]
     empty = np.zeros(0)
     if not parts:
         return Smoothed(empty, empty, empty)
@@ -50,11 +51,12 @@ def smoothed(evidence: Evidence, T_truth_map: Array) -> Smoothed:
 
 
 def _solved(
-    evidence: Evidence, T_truth_map: Array, robot: str, t_ns: Index, T: Array
+    evidence: Evidence, T_truth_map: Array, poses: SessionPoses
 ) -> tuple[Array, Array, Array]:
-    world_ns = np.array([evidence.world_ns(robot, int(t)) for t in t_ns])
-    T_true, known = at("spatial", evidence.tracks[robot], world_ns)
-    T_est = T_truth_map @ T[known]
+    times = [evidence.world_ns(poses.robot, int(t), poses.session) for t in poses.t_ns]
+    world_ns = np.array(times, dtype=np.int64)
+    T_true, known = at("spatial", evidence.tracks[poses.robot], world_ns)
+    T_est = T_truth_map @ poses.T[known]
     moved_m, _ = metrics.relative_errors("spatial", world_ns[known], T_est, T_true, OVER_NS)
     return metrics.position_errors(T_est, T_true), _headings(T_est, T_true), moved_m
 
@@ -67,7 +69,7 @@ def live(evidence: Evidence, T_truth_of: Mapping[int, Array | None]) -> dict[str
     }
     rows: dict[str, list[tuple[int, float, float, float, int, int]]] = {}
     for heard_ns, robot, pose in _published(evidence):
-        t_ns = evidence.world_ns(robot, pose.t_ns)
+        t_ns = evidence.world_ns(robot, pose.t_ns, pose.robot_session)
         view = views.get((robot, pose.robot_session, pose.t_ns), 0)
         T = T_truth_of.get(pose.map_version or 0)
         T_true, known = at("spatial", evidence.tracks[robot], np.array([t_ns]))

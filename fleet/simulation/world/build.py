@@ -119,6 +119,15 @@ def _jumps(scenario: Scenario, name: str) -> list[Jump]:
     return sorted(jumps, key=lambda jump: jump.at)
 
 
+def _clock_jumps(scenario: Scenario, name: str, start_ns: int) -> tuple[tuple[int, int], ...]:
+    jumps = [
+        (start_ns + round(fault.at_s * NS), round(fault.by_s * NS))
+        for fault in scenario.fault
+        if fault.kind == "clock-jump" and fault.target == name
+    ]
+    return tuple(sorted(jumps))
+
+
 def _tick(t_s: float) -> int:
     return round(t_s * NS / TICK_NS)
 
@@ -161,7 +170,12 @@ def _robot(
         table,
         known,
         hidden,
-        RobotClock(start_ns, round(table.clock_offset_s * NS), 1e-6 * table.clock_drift_ppm),
+        RobotClock(
+            start_ns,
+            round(table.clock_offset_s * NS),
+            1e-6 * table.clock_drift_ppm,
+            _clock_jumps(scenario, name, start_ns),
+        ),
         reckon(motion, odometry, stream(seed, "wheels", name)),
         WorldLaser(
             name,

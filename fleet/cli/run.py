@@ -1,0 +1,168 @@
+"""`fleet run`"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from fleet.evaluation.scores.contract import Scores
+    from fleet.evaluation.scores.evidence import Evidence
+    from fleet.simulation.world.world import World
+
+START_NS = 1_767_225_600_000_000_000
+"""When every world begins: the same run gives the same bytes."""
+
+
+@click.command()
+@click.argument("scenario", required=False)
+@click.option("--list", "as_list", is_flag=True, help="Name the scenarios that come along.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Of world, routes and noise.  [default: that of the scenario]",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="New folder for database, report and logs.  [default: SCENARIO-DATE-TIME]",
+)
+@click.option(
+    "--duration-s",
+    type=click.FloatRange(min=1.0),
+    metavar="S",
+    help="End after S seconds of the world.  [default: as long as the scenario is]",
+)
+@click.option("--exact", is_flag=True, help="Without the hidden errors of calibrations.")
+@click.option(
+    "--chaos",
+    type=click.IntRange(min=0),
+    metavar="SEED",
+    help="Add faults drawn from SEED.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def run(
+    scenario: str | None,
+    as_list: bool,
+    seed: int | None,
+    out: Path | None,
+    duration_s: float | None,
+    exact: bool,
+    chaos: int | None,
+    as_json: bool,
+) -> None:
+    """Play SCENARIO, a file or one of --list, and score it against the truth.
+
+    In virtual time: world, agents, router and service in one process, bit for bit the same for a
+    seed. Ctrl-C ends it early, and what was played is scored.
+    """
+    if as_list:
+        _list()
+        return
+    if scenario is None:
+        raise click.UsageError("expected a scenario, or --list")
+    import time
+
+    from fleet.evaluation.scores.scoring import find, score
+    from fleet.running.folder import new_folder
+    from fleet.virtual.run import SITE_NUMBER
+
+    world = _world(scenario, seed, duration_s, exact, chaos)
+    name = world.scenario.name
+    folder = new_folder(out or Path(time.strftime(f"{name}-%Y%m%d-%H%M%S"))).absolute()
+    click.echo(f"{name}, seed {world.seed}: in {folder.name}", err=True)
+    evidence = _played(world, folder)
+    click.echo("judging", err=True)
+    findings = find(evidence, SITE_NUMBER)
+    report = folder / "report.html"
+    scores = score(findings, str(report))
+    _write(report, findings, scores)
+    (folder / "scores.json").write_text(scores.json() + "\n")
+    if as_json:
+        click.echo(scores.json())
+    else:
+        _show(scores)
+
+
+def _list() -> None:
+    from fleet.simulation.scenario.reading import library, read_scenario
+
+    for name in library():
+        click.echo(f"{name:14}{read_scenario(name).about}")
+
+
+def _world(
+    source: str, seed: int | None, duration_s: float | None, exact: bool, chaos: int | None
+) -> "World":
+    from msgspec.structs import replace
+
+    from fleet.simulation.scenario.chaos import with_chaos
+    from fleet.simulation.scenario.reading import read_scenario
+    from fleet.simulation.world.build import build_world
+
+    scenario = read_scenario(source)
+    if duration_s is not None:
+        scenario = replace(scenario, duration_s=duration_s)
+    if exact:
+        scenario = replace(scenario, calibration=replace(scenario.calibration, exact=True))
+    if chaos is not None:
+        scenario = with_chaos(scenario, chaos)
+    return build_world(scenario, scenario.seed if seed is None else seed, START_NS)
+
+
+def _played(world: "World", folder: Path) -> "Evidence":
+    from fleet.running.scenario import play_scenario
+
+    with _interrupted() as stopped, _progress(world) as tell:
+        return play_scenario(world, folder, tell, stopped)
+
+
+@contextmanager
+def _interrupted() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C once: whether it was pressed. Twice: the end."""
+    import signal
+
+    pressed: list[int] = []
+
+    def press(number: int, _frame: object) -> None:
+        if pressed:
+            raise KeyboardInterrupt
+        pressed.append(number)
+        click.echo("ending early; once more to give up", err=True)
+
+    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(pressed)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _progress(world: "World") -> Iterator[Callable[[int], None]]:
+    from fleet.running.progress import Clocked
+
+    with Clocked(world.start_ns, world.end_ns, lambda line: click.echo(line, err=True)) as clocked:
+        yield clocked.show
+
+
+def _write(report: Path, findings: object, scores: "Scores") -> None:
+    from fleet.evaluation.scores.pictures import draw
+    from fleet.evaluation.scores.report import write_report
+    from fleet.evaluation.scores.scoring import Findings
+
+    assert isinstance(findings, Findings)
+    try:
+        pictures = draw(findings, report.parent)
+    except ImportError:
+        click.echo("no pictures: matplotlib is not installed, see tagmap[plot]", err=True)
+        pictures = []
+    write_report(findings, scores, pictures, report)
+
+
+def _show(scores: "Scores") -> None:
+    from tagmap.cli.show import show_facts
+
+    show_facts(scores.fields())
