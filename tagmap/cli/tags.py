@@ -67,7 +67,7 @@ def show(target: Target, tag: str) -> None:
 def survey(target: Target, tag: str, x: float, y: float, z: float, sigma_m: float) -> None:
     """Tell where TAG is: X Y Z in m, measured by other means.
 
-    Three or more surveyed tags anchor the map (two in the plane). A planar site ignores Z; give 0.
+    Three or more surveyed tags anchor the map. A planar site ignores Z; give 0.
     It counts in place of what the tag's own memory says.
     """
     data = ask(target, "tags", "survey", tag=tag, x_m=x, y_m=y, z_m=z, sigma_m=sigma_m)

@@ -4,7 +4,10 @@ import csv
 import json
 
 import pytest
+from msgspec.structs import replace
 
+from tagmap.memory.record import TagRecord
+from tagmap.memory.slots import encode_for
 from tagmap.records import IdentifiedMeasurement
 from tests.cli.test_commands import one_line, tagmap
 from tests.mapping.messages import SESSION, hello, keyframe
@@ -61,6 +64,44 @@ def test_a_day_of_an_administrator(run):
     assert versions[-1]["version"] == solved["version"]
     status = run("status")
     assert (status["keyframes"], status["refusals"], status["surveyed"]) == (N, 1, 3)
+
+
+def surveyed_memory(tag):
+    x_m, y_m = map(float, TAGS[tag])
+    cov = (4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6)
+    fields = {"p_m": (x_m, y_m, 0.0), "cov": cov, "site": 1, "t_s": 1, "robot": 0}
+    record = TagRecord(map_version=0, surveyed=True, **fields)
+    return encode_for(88, record, tag).ljust(88, b"\0")
+
+
+def test_who_surveyed_a_tag(run, serve, client):
+    """Three tags say that people did; an operator knows better of one of them."""
+    seen = drive(N + 2)
+    sightings = [
+        replace(one, memory=bytes(88) if one.tag == "4" else surveyed_memory(one.tag))
+        for one in seen.sightings
+    ]
+    client.deliver(hello(), replace(seen, sightings=tuple(sightings)))
+    assert client.admin("map", "solve")["gauge"] == "anchored"
+    assert run("tags", "survey", "3", *TAGS["3"], 0, "--sigma-m", 0.001)["surveyed"] == 3
+    serve.kill()
+    serve.start()
+    assert client.admin("map", "solve")["gauge"] == "anchored"
+    status = client.admin("site", "status")
+    assert (status["surveyed"], status["surveyed_by_memory"], status["memories_refused"]) == (
+        3,
+        2,
+        0,
+    )
+    listed = [tag["survey"] for tag in run("tags", "list")["tags"]]
+    assert listed == ["memory", "memory", "operator", None]
+    memories = [one["survey"] for one in client.admin("tags", "memory")["tags"]]
+    assert memories == ["counts", "counts", "an operator's counts", None]
+    lines = run("tags", "show", "2", as_json=False).stdout.splitlines()
+    told = dict(line.rsplit(maxsplit=1) for line in lines)
+    assert (told["survey source"], told["survey read_by"]) == ("memory", "r1")
+    assert told["survey sigma_m"] == "0.0020"
+    assert "an operator's counts" in run("tags", "list", "--memory", as_json=False).stdout
 
 
 def test_tables_for_people(run):
