@@ -142,7 +142,7 @@ def _agent(
 
 
 def _shooter(config: RobotConfig, gear: Gear, rng: np.random.Generator) -> Shooter | None:
-    if gear.laser is None or gear.scanner is None or gear.reader is None:
+    if gear.open_laser is None or gear.scanner is None or gear.reader is None:
         return None
     known = scanner(gear.scanner)
     aimer = Aimer(known, drive(gear.scanner.drive), config.agent.shots.rules())
@@ -157,11 +157,11 @@ def _interlock(
     limits = laser_limits(config)
     assert limits is not None
     assert gear.scanner is not None
-    assert gear.laser is not None
+    assert gear.open_laser is not None
     direction = direction_of(scanner(gear.scanner), drive(gear.scanner.drive), pointing)
     clocks = gear.clocks
     interlock = Interlock(
-        gear.laser, limits, direction, clocks.now_ns, clocks.second_ns, health.tell
+        gear.open_laser(), limits, direction, clocks.now_ns, clocks.second_ns, health.tell
     )
     return opened.enter_context(interlock)
 

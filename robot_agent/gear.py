@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from robot_agent.cameras.camera import StereoCamera
@@ -48,7 +49,7 @@ class Clocks:
 @dataclass(frozen=True, slots=True)
 class Gear:
     """What a robot has, and what its files say of it; None: it has none. unit: what `head` says
-    of itself. Of the laser nobody but an interlock gets hold."""
+    of itself. open_laser: for an interlock, nobody else ever gets hold of one."""
 
     rig: RigCalibration
     cameras: StereoCamera
@@ -57,7 +58,7 @@ class Gear:
     head: Head | None
     unit: UnitInfo | None
     scanner: ScannerCalibration | None
-    laser: LaserDevice | None
+    open_laser: Callable[[], LaserDevice] | None
     reader: RfidReader | None
     clocks: Clocks
 
@@ -80,7 +81,7 @@ def open_gear(config: RobotConfig, path: Path, opened: ExitStack) -> Gear:
         raise ConfigError(f"{path}: where are the cameras? Expected T_base_cam or [pan_tilt]")
     laser, reader = None, None
     if config.laser is not None:
-        laser = open_laser(config.laser.device)
+        laser = partial(open_laser, config.laser.device)
         reader = opened.enter_context(closing(required_reader(config, path)))
         # Connects now: in the light of the first shot there is no time for that.
         reader.probe()

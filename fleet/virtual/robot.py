@@ -33,7 +33,7 @@ def gear_of(world: World, robot: WorldRobot, time: VirtualTime, port: Port | Non
     else:
         assert known.mount.fixed is not None
         mounting = Fixed(known.mount.fixed)
-    laser = WorldLaserDevice(mine, robot.laser.at(mine.world_ns, angles_at))
+    beam = robot.laser.at(mine.world_ns, angles_at)
     reader = SceneReader(world.scene.antenna(robot.name), mine.world_ns, mine.wait_ns)
     return Gear(
         rig=known.rig,
@@ -43,7 +43,7 @@ def gear_of(world: World, robot: WorldRobot, time: VirtualTime, port: Port | Non
         head=head,
         unit=unit,
         scanner=known.scanner,
-        laser=laser,
+        open_laser=lambda: WorldLaserDevice(mine, beam),
         reader=reader,
         clocks=Clocks(mine.utc_ns, mine.now_ns, mine.now_ns, mine.wait_until),
     )

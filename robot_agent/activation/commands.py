@@ -58,6 +58,13 @@ class Wait:
 
 
 @dataclass(frozen=True, slots=True)
+class Rest:
+    """Whether so much light in a row would be allowed by now; nothing is waited for."""
+
+    for_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ask:
     """The service for a lease of `wanted_s`; 0: give `done` back and want none."""
 
@@ -75,7 +82,7 @@ class Allow:
     since: Mark | None = None
 
 
-Command: TypeAlias = Aim | Light | Dark | Listen | Read | Write | Wait | Ask | Allow
+Command: TypeAlias = Aim | Light | Dark | Listen | Read | Write | Wait | Rest | Ask | Allow
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from robot_agent.activation.commands import (
     Listen,
     Read,
     Reply,
+    Rest,
     Value,
     Wait,
     Write,
@@ -76,6 +77,8 @@ def _obey(command: Command, devices: Devices) -> Value:
             return reader.write_user(tag, first_word, words, timeout_s)
         case Wait(until_ns):
             devices.wait_until(until_ns)
+        case Rest(for_s):
+            return _denied(interlock.tired(for_s))
         case Ask(wanted_s, done, timeout_s):
             mark = interlock.mark()
             return Answered(devices.ask(wanted_s, done, timeout_s), mark)

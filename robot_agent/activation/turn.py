@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_agent.activation.aimer import Aimer
 from robot_agent.activation.blinking import blink
-from robot_agent.activation.commands import Act, Allow, Answered, Ask, Listen, Wait
+from robot_agent.activation.commands import Act, Allow, Answered, Ask, Denied, Listen, Rest, Wait
 from robot_agent.activation.learning import learn, probe, probe_s, with_lesson
 from robot_agent.activation.memory import Work
 from robot_agent.activation.shot import shoot
@@ -51,10 +51,11 @@ class Shooter:
 
 
 def turn(shooter: Shooter, choose: Choose, work: Work, now_ns: int) -> Act[list[Outcome]]:
-    """Empty where there was no leave to shoot, or nothing to shoot at. Call it again: it always
-    asks the service, and while that is silent, `Holder.is_alone`, it listens and blinks."""
+    """Empty where there was no leave to shoot, nothing to shoot at, or the laser was on for so long
+    that it would not last. Call it again: it always asks the service, and while that is silent,
+    `Holder.is_alone`, it listens and blinks."""
     first = choose([])
-    if first is None:
+    if first is None or not (yield from _is_rested(shooter)):
         return []
     try:
         outcomes = yield from _leased(shooter, choose, work)
@@ -104,7 +105,16 @@ def _shots(shooter: Shooter, choose: Choose, work: Work, now_ns: int) -> Act[lis
         reply = yield Wait(now_ns)
         outcomes.append(Outcome(target, verdict, lease, now_ns, reply.now_ns))
         now_ns = yield from _learn(shooter, outcomes[-1])
+        if not (yield from _is_rested(shooter)):
+            break
     return outcomes
+
+
+def _is_rested(shooter: Shooter) -> Act[bool]:
+    """Whether the light would last for one more tag, its record and all."""
+    rules = shooter.aimer.rules
+    reply = yield Rest(rules.proof_s + rules.write_s)
+    return not isinstance(reply.value, Denied)
 
 
 def _learn(shooter: Shooter, outcome: Outcome) -> Act[int]:

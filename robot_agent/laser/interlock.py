@@ -142,6 +142,15 @@ class Interlock:
                 self._darken(why)
             return why
 
+    def tired(self, for_s: float) -> str | None:
+        """Why so much light in a row would end too early, None: it would not. After enough time in
+        the dark any is allowed."""
+        with self._lock:
+            limits = self._limits
+            if self._spent_s() > max(0.0, limits.dwell_s - for_s * (1.0 - limits.refill)):
+                return f"{for_s:g} s more light so soon"
+            return None
+
     def check(self) -> str | None:
         """To be called often: ends what must not go on."""
         with self._lock:

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from robot_agent.activation.commands import Allow, Ask, Light, Listen
+from robot_agent.activation.commands import Allow, Ask, Light, Listen, Rest
 from robot_agent.activation.memory import Work
 from robot_agent.activation.turn import Shooter, turn
 from robot_agent.calibration.scanner.online import begin
 from tagmap.arbitration.holder import Holder
 from tagmap.arbitration.rules import Rules
 from tagmap.records.lease import LeaseReply
-from tests.robot_agent.activation.air import AIMER, ONE, SCANNER, TWO, Air, target
+from tests.robot_agent.activation.air import AIMER, ONE, SCANNER, TWO, Air, denied, target
 
 HERE = (0.3, 0.2, 4.0)
 LEASE = LeaseReply(lease=77, valid_s=2.0, retry_s=0.0)
@@ -51,6 +51,20 @@ def test_what_was_not_heard_to_be_given_back_is_said_with_the_next_question():
     assert play(air, who) == []
     assert air.did(Ask)[2].done == 77
     assert who.done is None
+
+
+def test_without_light_enough_nothing_is_begun():
+    air = Air({ONE: HERE}, denies=denied(Rest), leases=[LEASE])
+    assert play(air, shooter()) == []
+    assert not air.did(Ask)
+
+
+def test_a_turn_ends_when_the_light_would_not_last_for_one_more_tag():
+    air = Air({ONE: HERE}, leases=[LEASE])
+    air.denies = lambda command: denied(Rest)(command) if len(air.did(Rest)) > 2 else None
+    assert len(play(air, shooter(), lambda _: target(HERE))) == 2
+    assert air.did(Ask)[1].done == 77
+    assert air.did(Rest)[0].for_s >= AIMER.rules.proof_s
 
 
 def test_not_now():

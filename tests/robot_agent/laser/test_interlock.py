@@ -93,6 +93,17 @@ def test_light_at_a_stretch(bench):
     assert bench.interlock.light(0.1) is None
 
 
+def test_light_that_would_not_last_is_known_before(bench):
+    assert bench.interlock.tired(0.25) is None
+    bench.lit().passes(0.1)
+    assert bench.interlock.tired(0.1) is None
+    assert "so soon" in bench.interlock.tired(0.25)
+    assert "so soon" in bench.interlock.tired(100.0)
+    bench.interlock.dark()
+    bench.passes(0.3)
+    assert bench.interlock.tired(100.0) is None
+
+
 @pytest.mark.parametrize("which", [0, 1])
 @pytest.mark.parametrize("by_s", [-100.0, -0.01, 0.01, 100.0])
 def test_a_clock_jumps(bench, which, by_s):
