@@ -156,4 +156,4 @@ def matrix(reading: Reckoned) -> Array:
 def arc_m(chord_m: float, turn_rad: float) -> float:
     """Length of the arc over a chord, of half a turn at most."""
     half_rad = 0.5 * min(turn_rad, HALF_TURN_RAD)
-    return chord_m / float(np.sinc(half_rad / math.pi))
+    return chord_m * half_rad / math.sin(half_rad) if half_rad else chord_m

@@ -41,6 +41,8 @@ class Wheels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 def step(prev: OdomPose, cur: OdomPose, wheels: Wheels) -> Odometry | None:
     """From prev to cur; None where nothing links them: another epoch, or too long a way."""
+    if _stands(prev, cur):
+        return Odometry(T_prev_cur=transform(np.eye(4)), cov=upper(_settled(0.0, wheels)))
     T_prev_cur = se3.inverse(prev.T_odom_base) @ cur.T_odom_base
     way_m = max(abs(cur.path_m - prev.path_m), math.dist(T_prev_cur[:3, 3], (0.0, 0.0, 0.0)))
     turn_rad = abs(cur.turn_rad - prev.turn_rad)
@@ -48,6 +50,12 @@ def step(prev: OdomPose, cur: OdomPose, wheels: Wheels) -> Odometry | None:
         return None
     cov = covariance(se3.log(T_prev_cur), way_m, turn_rad, wheels)
     return Odometry(T_prev_cur=transform(T_prev_cur), cov=upper(cov))
+
+
+def _stands(prev: OdomPose, cur: OdomPose) -> bool:
+    """Most steps of a robot that looks around or shoots."""
+    is_driven = (prev.epoch, prev.path_m, prev.turn_rad) != (cur.epoch, cur.path_m, cur.turn_rad)
+    return not is_driven and bool((prev.T_odom_base == cur.T_odom_base).all())
 
 
 def covariance(xi: Array, way_m: float, turn_rad: float, wheels: Wheels) -> Array:
@@ -65,11 +73,17 @@ def covariance(xi: Array, way_m: float, turn_rad: float, wheels: Wheels) -> Arra
     detour_var = yaw_var * max(0.0, way_m - arc_m) ** 2 / 12.0
     along_var = wheels.forward_share**2 * way_m + detour_var
     across_var = wheels.lateral_share**2 * way_m + detour_var
-    Q = np.diag([along_var, across_var, 0.0, 0.0, 0.0, yaw_var])
+    variances = np.array([along_var, across_var, 0.0, 0.0, 0.0, yaw_var])
     left_to_go = 0.5 * (1.0 - _NODES)
     Ad = se3.adjoint(se3.exp(-left_to_go[:, None] * xi))
-    cov: Array = np.einsum("k,kij,jl,kml->im", 0.5 * _WEIGHTS, Ad, Q, Ad, optimize=True)
+    arising = 0.5 * _WEIGHTS[:, None, None] * variances
+    cov: Array = (arising * Ad @ Ad.swapaxes(-1, -2)).sum(axis=0)
+    return _settled(0.5 * (cov + cov.T), wheels)
+
+
+def _settled(arisen: Array | float, wheels: Wheels) -> Array:
+    """With what counts once per step, however short it is."""
     z, roll_rad, pitch_rad = wheels.out_of_plane
     floors = [wheels.floor_m, wheels.floor_m, z, roll_rad, pitch_rad, wheels.floor_rad]
-    cov = 0.5 * (cov + cov.T) + np.diag(np.square(floors))
+    cov: Array = arisen + np.diag(np.square(floors))
     return cov + UNRELATED * np.diag(np.diag(cov))

@@ -160,3 +160,18 @@ def test_more_than_half_a_turn_is_not_underestimated(round_rad: float):
     stated = cov_of(on_arc(0.0, 1.0), on_arc(round_rad, 1.0), SMOOTH)
     assert np.trace(stated[:2, :2]) >= np.trace(total[:2, :2])
     assert stated[5, 5] == pytest.approx(total[5, 5], rel=1e-3)
+
+
+def test_a_step_of_one_that_stands_is_the_shortest_step() -> None:
+    """Which is not worked out at all."""
+    stood = step(pose(3.0, -2.0, 0.7, 5.0, 2.0), pose(3.0, -2.0, 0.7, 5.0, 2.0), SMOOTH)
+    crept = step(pose(3.0, -2.0, 0.7, 5.0, 2.0), pose(3.0, -2.0, 0.7, 5.0 + 1e-12, 2.0), SMOOTH)
+    assert stood is not None
+    assert crept is not None
+    np.testing.assert_allclose(unpacked(stood.cov), unpacked(crept.cov), rtol=1e-4, atol=1e-25)
+    np.testing.assert_allclose(matrix(stood.T_prev_cur), matrix(crept.T_prev_cur), atol=1e-12)
+
+
+def test_a_pose_that_has_jumped_is_driven_whatever_the_wheels_say() -> None:
+    far = cov_of(pose(0.0, 0.0, 0.0, 5.0, 0.0), pose(1.0, 0.0, 0.0, 5.0, 0.0), SMOOTH)
+    assert far[0, 0] >= SMOOTH.forward_share**2
