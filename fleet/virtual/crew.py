@@ -100,7 +100,7 @@ class Crew:
             port = self._bus.port(name)
             port.at_death(remains.take)
             if kill is not None:
-                port.kill_at(kill.at_ns, kill.in_turn)
+                port.kill_at(kill.at_ns, kill.moment)
             shell = self._started(port, outbox)
             opened.callback(port.close)
             self.starts += 1

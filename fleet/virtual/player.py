@@ -74,7 +74,7 @@ class Player:
             port = self._bus.port(part.robot)
             port.at_death(remains.take)
             if kill is not None:
-                port.kill_at(kill.at_ns, kill.in_turn)
+                port.kill_at(kill.at_ns, kill.moment)
             shell = self._shell(outbox, port)
             opened.callback(port.close)
             self.starts += 1

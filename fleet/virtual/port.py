@@ -6,7 +6,7 @@ if by threads that only enqueue. Several lives may wait at one port, as threads 
 
 import heapq
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from fleet.virtual.matching import meets
 from fleet.virtual.virtual_time import Bell
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from fleet.virtual.bus import Bus
 
 RETRY_S = 0.25
+
+Moment: TypeAlias = Literal["waiting", "sending", "sent"]
+"""When a process dies: while it waits, or when it next sends something, before or after it."""
 
 
 class Killed(BaseException):
@@ -36,7 +39,7 @@ class Port:
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._entries = 0
         self._bells: list[Bell] = []
-        self._death: tuple[int, bool] | None = None
+        self._death: tuple[int, Moment] | None = None
         self._is_dead = False
         self._at_death: list[Callable[[], None]] = []
 
@@ -44,8 +47,9 @@ class Port:
 
     def put(self, key: str, payload: bytes) -> None:
         """Send and forget."""
-        self._die_if_due(in_turn=True)
+        self._die_if_due("sending")
         self.bus.carry(self, key, payload)
+        self._die_if_due("sent")
 
     def subscribe(
         self,
@@ -67,8 +71,9 @@ class Port:
         on_end: Callable[[list[Reply]], None],
     ) -> None:
         """`get` without waiting: `on_end` is called once, with all answers."""
-        self._die_if_due(in_turn=True)
+        self._die_if_due("sending")
         self.bus.inquire(self, selector, payload or b"", self._ns(timeout_s), on_end)
+        self._die_if_due("sent")
 
     def get(
         self, selector: str, payload: bytes | None = None, *, timeout_s: float = 5.0
@@ -133,10 +138,8 @@ class Port:
 
     # Its end
 
-    def kill_at(self, t_ns: int, in_turn: bool = False) -> None:
-        """The process dies while it waits; in_turn: when it next sends something after that, with
-        its work half told."""
-        self._death = (t_ns, in_turn)
+    def kill_at(self, t_ns: int, moment: Moment = "waiting") -> None:
+        self._death = (t_ns, moment)
         for bell in self._bells:
             bell.ring(t_ns)
 
@@ -144,9 +147,9 @@ class Port:
         """At the very moment, before anything of the process is tidied up."""
         self._at_death.append(act)
 
-    def _die_if_due(self, in_turn: bool) -> None:
+    def _die_if_due(self, moment: Moment) -> None:
         death = self._death
-        is_due = death is not None and death[1] == in_turn and self.now_ns() >= death[0]
+        is_due = death is not None and death[1] == moment and self.now_ns() >= death[0]
         if is_due and not self._is_dead:
             self._is_dead = True
             for act in self._at_death:
@@ -157,13 +160,13 @@ class Port:
 
     def _next_ns(self) -> int:
         times_ns = [self._due[0][0]] if self._due else []
-        if self._death is not None and not self._death[1]:
+        if self._death is not None and self._death[1] == "waiting":
             times_ns.append(self._death[0])
         return min(times_ns, default=2**63)
 
     def _handle(self) -> None:
         """What is due."""
-        self._die_if_due(in_turn=False)
+        self._die_if_due("waiting")
         self._look_who_is_alive()
         while self._due and self._due[0][0] <= self.now_ns():
             heapq.heappop(self._due)[2]()

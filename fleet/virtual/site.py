@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fleet.virtual.bus import Bus
 from fleet.virtual.inbox import VirtualInbox
-from fleet.virtual.port import Killed
+from fleet.virtual.port import Killed, Moment
 from fleet.virtual.solver import SolveTime, VirtualSolver
 from fleet.virtual.virtual_time import VirtualTime
 from fleet.virtual.volume import Remains, Volume
@@ -26,14 +26,12 @@ SERVICE = "service"
 
 @dataclass(frozen=True, slots=True)
 class Kill:
-    """A process dies at `at_ns` and is started again after `down_s`.
-
-    in_turn: not while it waits, but when it next sends something, with its work half told.
-    """
+    """A process dies at `at_ns`, or when `moment` comes after that, and is started again after
+    `down_s`."""
 
     at_ns: int
     down_s: float = 1.0
-    in_turn: bool = False
+    moment: Moment = "waiting"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +108,7 @@ class VirtualSite:
             opened.callback(port.close)
             port.at_death(remains.take)
             if kill is not None:
-                port.kill_at(kill.at_ns, kill.in_turn)
+                port.kill_at(kill.at_ns, kill.moment)
             inbox = VirtualInbox(port)
             solver = VirtualSolver(self.db, self.site, port, inbox.put, self._solve_time)
             opened.callback(solver.stop)

@@ -255,19 +255,20 @@ def test_a_killed_process_is_gone_and_another_one_takes_its_place():
     assert [alive for _, _, alive in world.alive] == [True, False, True]
 
 
-def test_killed_when_it_next_sends():
+@pytest.mark.parametrize(("moment", "heard"), [("sending", [b"1"]), ("sent", [b"1", b"2"])])
+def test_killed_when_it_next_sends(moment, heard):
     world = World()
     port = world.bus.port("mouth")
-    port.kill_at(SECOND_NS, in_turn=True)
+    port.kill_at(SECOND_NS, moment)
 
     def live() -> None:
-        port.put("site/words", b"before")
+        port.put("site/words", b"1")
         port.wait(lambda: False, 2 * SECOND_NS)
         with pytest.raises(Killed):
-            port.put("site/words", b"after")
+            port.put("site/words", b"2")
 
     world.run(live)
-    assert world.payloads == [b"before"]
+    assert world.payloads == heard
 
 
 @pytest.mark.parametrize(

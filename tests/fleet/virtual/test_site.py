@@ -73,21 +73,20 @@ def test_another_seed_is_another_run_of_the_same_facts(calm, play):
     assert other.contents() != calm.contents()
 
 
-@pytest.mark.parametrize("in_turn", [False, True])
-def test_the_service_is_killed(play, recording, mapped, in_turn):
-    kills = [Kill(after_s(t_s), 0.7, in_turn) for t_s in (0.4, 2.0, 3.1)]
+def test_the_service_is_killed(play, recording, mapped):
+    moments = {0.4: "sent", 1.3: "waiting", 2.0: "sending", 2.9: "sent", 3.7: "sending"}
+    kills = [Kill(after_s(t_s), 0.4, moment) for t_s, moment in moments.items()]
     played = play(kills=kills)
-    assert played.site.starts == 4
+    assert played.site.starts == 6
     played.expect_whole(recording)
     expect_map(played, mapped, 1e-6)
 
 
-@pytest.mark.parametrize("in_turn", [False, True])
-def test_agents_are_killed(play, recording, mapped, in_turn):
+def test_agents_are_killed(play, recording, mapped):
     """What was not yet read of the journal is read by the next session, from where it begins."""
     kills = {
-        "r1": (Kill(after_s(1.0), 0.3, in_turn), Kill(after_s(2.5), 0.3, in_turn)),
-        "r3": (Kill(after_s(1.8), 1.0, in_turn),),
+        "r1": (Kill(after_s(1.0), 0.3, "sent"), Kill(after_s(2.5), 0.3, "waiting")),
+        "r3": (Kill(after_s(1.8), 1.0, "sending"),),
     }
     played = play(robot_kills=kills)
     assert [player.starts for player in played.players] == [3, 1, 2]
