@@ -1,6 +1,6 @@
 """The map as it is served: the newest version, its tags, and how a solution becomes the next."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -9,6 +9,7 @@ import numpy as np
 from tagmap.conventions import Array, Form, Kind
 from tagmap.geometry.alignment import align
 from tagmap.localisation.scene import TagTable
+from tagmap.mapping.correction import Correction, Found, corrections
 from tagmap.records import MapVersion, Tag
 from tagmap.records.arrays import covariance, transform, upper, vector
 from tagmap.records.base import Vector
@@ -34,12 +35,14 @@ class Edition:
 @dataclass(slots=True)
 class MapBook:
     """`version` is None until the first map; `table` holds the tags that can be localised by, and
-    `scale` the common scales of the sensors, for the forms that have one.
+    `scale` the common scales of the sensors, for the forms that have one; `corrections`: what was
+    found out of each robot's own.
     """
 
     version: MapVersion | None = None
     tags: dict[str, Tag] = field(default_factory=dict)
     scale: dict[Form, float] = field(default_factory=dict)
+    corrections: dict[str, Correction] = field(default_factory=dict)
     table: TagTable = field(default_factory=lambda: TagTable.of("spatial", {}))
 
     @property
@@ -56,9 +59,10 @@ class MapBook:
         tags: list[Tag],
         scale: float | None = None,
         stereo_scale: float | None = None,
+        calibration: Iterable[Found] = (),
     ) -> None:
         """`scale` is that of ranges and points; None: exact."""
-        self.version = version
+        self.version, self.corrections = version, corrections(calibration)
         self.tags = {tag.tag: tag for tag in tags}
         usable = {tag.tag: _belief(tag.p_m, tag.cov) for tag in tags if _is_usable(tag)}
         d = next((len(p) for p, _ in usable.values()), 3)
@@ -84,7 +88,8 @@ class MapBook:
             withheld=sum(tag.state == "withheld" for tag in tags),
         )
         changed = [tag for tag in tags if _differs(tag, self.tags.get(tag.tag))]
-        self.restore(version, tags, solution.scale, solution.stereo_scale)
+        scales = solution.scale, solution.stereo_scale
+        self.restore(version, tags, *scales, solution.calibration)
         return Edition(version, tags, changed, T_new_old)
 
 

@@ -17,10 +17,11 @@ from tagmap.localisation.scene import Sensor
 from tagmap.localisation.track import Live as LivePose
 from tagmap.localisation.track import Track
 from tagmap.mapping.book import MapBook
+from tagmap.mapping.correction import AS_STATED
 from tagmap.mapping.past import Moment
 from tagmap.mapping.session import SessionIndex
 from tagmap.records import Hello, Keyframe, Pose, Transform
-from tagmap.records.arrays import covariance, matrix, stereo_rig, transform, upper
+from tagmap.records.arrays import covariance, matrix, transform, upper
 from tagmap.records.base import Vector
 
 MAX_TAIL = 4096
@@ -135,8 +136,7 @@ class LiveRobots:
 
 
 def _sensor(hello: Hello, book: MapBook) -> Sensor:
-    rig = None if hello.rig is None else stereo_rig(hello.rig)
-    return Sensor(hello.kind, rig, book.scale)
+    return book.corrections.get(hello.robot, AS_STATED).sensor(hello, book.scale)
 
 
 def _track(hello: Hello, book: MapBook) -> Track:
@@ -169,7 +169,8 @@ def _follow(live: LiveRobot, book: MapBook, budget: int) -> None:
         live.tail.append(keyframe)
         is_far = live.reach - keyframe.seq > MAX_CORRECTED
         cost += COST_OF_MOVING if is_far else 1.0
-        now = _step(live.track, replace(keyframe, sightings=()) if is_far else keyframe)
+        corrected = book.corrections.get(live.hello.robot, AS_STATED).keyframe(keyframe)
+        now = _step(live.track, replace(corrected, sightings=()) if is_far else corrected)
         _remember(live, keyframe.t_ns, now)
         t_ns = keyframe.t_ns
     if t_ns is not None:

@@ -11,6 +11,16 @@ from tagmap.mapping.surveying import Source, SurveyedPosition, Surveys
 from tagmap.store import SessionRow, SiteStore, Survey
 
 
+class _Found(msgspec.Struct, frozen=True):
+    """A calibration unknown as the summary of a version has it."""
+
+    name: str
+    robot: str | None
+    value: float
+    sigma: float
+    prior_sigma: float
+
+
 def restore(store: SiteStore) -> Mapper:
     mapper = Mapper(store.site)
     version = store.latest_version()
@@ -18,7 +28,8 @@ def restore(store: SiteStore) -> Mapper:
     if version is not None:
         summary = store.summary(version.version) or {}
         scales = summary.get("scale"), summary.get("stereo_scale")
-        mapper.book.restore(version, store.tags(), *scales)
+        found = [_Found(**one) for one in summary.get("calibration", ())]
+        mapper.book.restore(version, store.tags(), *scales, found)
     mapper.surveys = _surveys(store)
     rows = store.sessions()
     for row in rows:

@@ -1,0 +1,99 @@
+"""What the map has found out of a robot's sensors, applied to what the robot says now.
+
+Signs and axes are those of tagmap.estimation.unknowns: values are measured against true, the camera
+is at T_base_cam as stated @ exp(camera).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import msgspec
+import numpy as np
+
+from tagmap.conventions import Array, Form
+from tagmap.geometry.stereo import StereoRig
+from tagmap.localisation.scene import Sensor, lie
+from tagmap.records import Hello, Keyframe, Odometry
+from tagmap.records.arrays import matrix, stereo_rig, transform
+
+CAMERA = ("camera_x_m", "camera_y_m", "camera_z_m", "camera_x_rad", "camera_y_rad", "camera_z_rad")
+PLANAR_CAMERA = ("camera_x_m", "camera_y_m", "camera_z_rad")
+
+
+class Found(Protocol):
+    """As tagmap.estimation.solution.CalibrationEstimate."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def robot(self) -> str | None: ...
+
+    @property
+    def value(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """`values` by name of the unknown, of one robot; what is not in it is as the robot says."""
+
+    values: dict[str, float] = field(default_factory=dict)
+
+    def sensor(self, hello: Hello, shared: dict[Form, float]) -> Sensor:
+        """`shared`: the scales that all robots of the site have in common."""
+        rig = None if hello.rig is None else self._rig(stereo_rig(hello.rig))
+        scale = dict(shared)
+        for form, name in (
+            ("stereo_px", "stereo_scale"),
+            ("range_bearing", "range_scale"),
+            ("point_cam_m", "range_scale"),
+        ):
+            if name in self.values:
+                scale[form] = scale.get(form, 1.0) * self.values[name]  # type: ignore[index, call-overload]
+        return Sensor(hello.kind, rig, scale)
+
+    def keyframe(self, keyframe: Keyframe) -> Keyframe:
+        """With the camera and the step as they are by what was found."""
+        if not self.values:
+            return keyframe
+        T_base_cam, odom = self._camera(keyframe), keyframe.odom
+        if odom is not None:
+            odom = self._step(keyframe.kind, odom)
+        return msgspec.structs.replace(keyframe, T_base_cam=transform(T_base_cam), odom=odom)
+
+    def _rig(self, rig: StereoRig) -> StereoRig:
+        """Disparities come out as long as they were measured."""
+        disparity_px = self.values.get("disparity_px", 0.0)
+        return replace(rig, right=replace(rig.right, cx_px=rig.right.cx_px - disparity_px))
+
+    def _camera(self, keyframe: Keyframe) -> Array:
+        names = CAMERA if keyframe.kind == "spatial" else PLANAR_CAMERA
+        off = np.array([self.values.get(name, 0.0) for name in names])
+        T: Array = matrix(keyframe.T_base_cam) @ lie(keyframe.kind).exp(off)
+        return T
+
+    def _step(self, kind: str, odom: Odometry) -> Odometry:
+        """Lengths and turns are measured too long by these factors."""
+        way, turn = self.values.get("odometry_scale", 1.0), self.values.get("wheel_base", 1.0)
+        if way == turn == 1.0:
+            return odom
+        group = lie("spatial" if kind == "spatial" else "planar")
+        xi = group.log(matrix(odom.T_prev_cur))
+        d = 3 if kind == "spatial" else 2
+        return Odometry(
+            T_prev_cur=transform(group.exp(np.concatenate([xi[:d] / way, xi[d:] / turn]))),
+            cov=odom.cov,
+        )
+
+
+AS_STATED = Correction()
+
+
+def corrections(found: Iterable[Found]) -> dict[str, Correction]:
+    """By robot."""
+    values: dict[str, dict[str, float]] = {}
+    for one in found:
+        if one.robot is not None:
+            values.setdefault(one.robot, {})[one.name] = one.value
+    return {robot: Correction(of) for robot, of in values.items()}

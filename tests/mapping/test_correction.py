@@ -1,0 +1,87 @@
+"""What was found out of a robot's sensors makes what it says come out right."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from fleet.simulation.sensing import RIG
+from tagmap.geometry import measurement, se3, stereo
+from tagmap.mapping.correction import AS_STATED, Correction, corrections
+from tagmap.records import Hello, Keyframe, Odometry, Transform
+from tagmap.records.arrays import matrix, stereo_rig, transform, upper
+
+HELLO = Hello(kind="spatial", rig=RIG, site="site", robot="r1", number=1, session="s-0000001")
+P_CAM = np.array([[0.4, -0.6, 3.0], [-1.0, 0.3, 5.0]])
+
+
+@dataclass(frozen=True)
+class Value:
+    name: str
+    robot: str | None
+    value: float
+
+
+def seen(rig):
+    px, _ = stereo.project(rig, P_CAM)
+    return px
+
+
+def points(sensor, px):
+    cov = np.tile(0.01 * np.eye(4), (len(px), 1, 1))
+    p, _ = measurement.to_point("stereo_px", "spatial", px, cov, sensor.rig)
+    return p / sensor.scale.get("stereo_px", 1.0)
+
+
+def test_a_disparity_that_is_measured_too_long():
+    true = stereo_rig(RIG)
+    px = seen(true) - [0.0, 0.0, 0.3, 0.0]
+    sensor = Correction({"disparity_px": 0.3}).sensor(HELLO, {})
+    assert points(sensor, px) == pytest.approx(P_CAM, abs=1e-6)
+    assert np.abs(points(AS_STATED.sensor(HELLO, {}), px) - P_CAM).max() > 0.01
+
+
+def test_a_baseline_that_is_taken_too_long():
+    stated = stereo_rig(RIG)
+    T = stated.T_right_left.copy()
+    T[:3, 3] /= 1.002
+    sensor = Correction({"stereo_scale": 1.002}).sensor(HELLO, {})
+    assert points(sensor, seen(replace(stated, T_right_left=T))) == pytest.approx(P_CAM, abs=1e-6)
+
+
+def test_own_scales_come_on_top_of_shared_ones():
+    sensor = Correction({"stereo_scale": 1.01}).sensor(HELLO, {"stereo_px": 1.1})
+    assert sensor.scale["stereo_px"] == pytest.approx(1.111)
+
+
+def test_camera_and_steps_as_they_are():
+    T_true = se3.exp(np.array([0.3, 0.1, 0.0, 0.0, 0.0, 0.2]))
+    xi = se3.log(T_true)
+    measured = se3.exp(np.concatenate([xi[:3] * 1.02, xi[3:] * 0.97]))
+    odom = Odometry(T_prev_cur=transform(measured), cov=upper(np.eye(6)))
+    keyframe = Keyframe(
+        site="site",
+        robot="r1",
+        session="s-0000001",
+        seq=1,
+        t_ns=1,
+        odom=odom,
+        T_base_cam=Transform(p_m=(0.1, 0.2, 0.3), q_wxyz=(1.0, 0.0, 0.0, 0.0)),
+        sightings=(),
+    )
+    values = {"odometry_scale": 1.02, "wheel_base": 0.97, "camera_x_m": 0.01, "camera_z_rad": 0.1}
+    right = Correction(values).keyframe(keyframe)
+    assert matrix(right.odom.T_prev_cur) == pytest.approx(T_true, abs=1e-12)
+    off = se3.exp(np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.1]))
+    assert matrix(right.T_base_cam) == pytest.approx(matrix(keyframe.T_base_cam) @ off, abs=1e-12)
+    assert AS_STATED.keyframe(keyframe) is keyframe
+
+
+def test_each_robot_has_its_own():
+    found = corrections(
+        [Value("disparity_px", "r1", 0.2), Value("wheel_base", "r2", 1.1), Value("x", None, 3.0)]
+    )
+    assert found == {
+        "r1": Correction({"disparity_px": 0.2}),
+        "r2": Correction({"wheel_base": 1.1}),
+    }
