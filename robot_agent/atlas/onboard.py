@@ -1,7 +1,6 @@
 """The robot's own pose, from tags it knows the places of, with no service needed.
 
-The same track as the service's carries it. Pixels get what the rig may be off added to their
-noise: the service solves for that together with the map, the robot does not.
+The same track as the service's carries it.
 """
 
 from dataclasses import dataclass, field
@@ -9,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot_agent.atlas.atlas import Chart
-from robot_agent.naming.sky import cautious
 from tagmap.conventions import Array
 from tagmap.errors import TagmapError
 from tagmap.geometry import se3
@@ -47,9 +45,8 @@ class OnBoard:
             self._track.interrupt()
 
     def see(self, T_base_cam: Array, sightings: tuple[Sighting, ...]) -> None:
-        wide = [_widened(sighting, self.rig.sigma_px) for sighting in sightings]
         try:
-            self._track.see(T_base_cam, wide)
+            self._track.see(T_base_cam, sightings)
         except _NUMERIC:
             self._track.interrupt()
 
@@ -79,12 +76,3 @@ class OnBoard:
             source="agent",
             t_ns=t_ns,
         )
-
-
-def _widened(sighting: Sighting, sigma_px: float) -> Sighting:
-    return Sighting(
-        tag=sighting.tag,
-        id_by=sighting.id_by,
-        p_false=sighting.p_false,
-        z=cautious(sighting.z, sigma_px),
-    )

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec.structs import replace
 
 from robot_agent.activation.target import Target, targets_of
 from robot_agent.naming.named import Named
@@ -82,12 +83,16 @@ class Sky:
         return p_base, cov
 
     def sightings(self) -> tuple[Sighting, ...]:
-        """Of all that has a name, each tag once."""
+        """Of all that has a name, each tag once. What the rig may be off counts as noise: what the
+        map is solved for besides explains the most of it, but not the rest, which is not seen in
+        spots that are known to a few hundredths of a pixel.
+        """
         found: dict[str, Sighting] = {sighting.tag: sighting for sighting in self.lit.values()}
         for k, named in self.named():
             if named.tag not in found:
                 found[named.tag] = named.sighting(self.targets[k].z)
-        return tuple(found.values())
+        sigma_px = self.rig.sigma_px
+        return tuple(replace(one, z=cautious(one.z, sigma_px)) for one in found.values())
 
     def _match(self) -> None:
         found: Matches = match(self.rig, self.left, self.right, false_pairs=self.false)

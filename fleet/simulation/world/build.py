@@ -1,6 +1,7 @@
 """From a scenario to a world, with all that is random in it drawn."""
 
 import numpy as np
+from msgspec.structs import replace
 
 from fleet.simulation.scenario.description import Scenario
 from fleet.simulation.scenario.robot import Robot
@@ -36,6 +37,8 @@ from tagmap.records.hello import Limits
 from tagmap.records.rig_file import find_rig
 
 NS = 1e9
+EXACT_SIGMA_PX = 0.01
+"""Residuals of a calibration that is perfect."""
 
 
 def build_world(scenario: Scenario, seed: int, start_ns: int) -> World:
@@ -144,6 +147,8 @@ def _robot(
     table, wrong = scenario.robot[k], scenario.calibration
     name, number = scenario.robot_names()[k], scenario.robot_numbers()[k]
     known_rig = find_rig(table.rig)
+    if wrong.exact:
+        known_rig = replace(known_rig, sigma_px=EXACT_SIGMA_PX)
     true_scanner, record = (scanner.exact if wrong.exact else scanner.calibrated)(seed, name)
     nominal = rig.nominal_mount(table)
     hidden = Hidden(
