@@ -4,6 +4,9 @@ Compose with `@`. Everything is batched over leading axes. Formulas: Barfoot, "S
 Robotics" (2017), section 7.1; Sola, Deray, Atchuthan, "A micro Lie theory" (2018), appendix D.
 """
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from tagmap.conventions import Array
@@ -29,6 +32,38 @@ def from_p_q(p: Array, q_wxyz: Array) -> Array:
 def to_p_q(T: Array) -> tuple[Array, Array]:
     """Position (..., 3) and unit quaternion (..., 4) with w >= 0."""
     return T[..., :3, 3], so3.to_quaternion(T[..., :3, :3])
+
+
+def one_from_p_q(p: Sequence[float], q_wxyz: Sequence[float]) -> Array:
+    """`from_p_q` of a single pose in plain numbers: many come one by one, each with a message."""
+    w, x, y, z = q_wxyz
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    sx, sy, sz = s * x, s * y, s * z
+    wx, wy, wz, xx, xy, xz = sx * w, sy * w, sz * w, sx * x, sy * x, sz * x
+    yy, yz, zz = sy * y, sz * y, sz * z
+    return np.array(
+        (
+            (1.0 - yy - zz, xy - wz, xz + wy, p[0]),
+            (xy + wz, 1.0 - xx - zz, yz - wx, p[1]),
+            (xz - wy, yz + wx, 1.0 - xx - yy, p[2]),
+            (0.0, 0.0, 0.0, 1.0),
+        )
+    )
+
+
+def one_to_p_q(T: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """`to_p_q` of a single (4, 4) in plain numbers."""
+    (a, b, c, px), (d, e, f, py), (g, h, i, pz), _ = T.tolist()
+    rows = (
+        (1.0 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1.0 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1.0 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1.0 - a - e + i),
+    )
+    largest = max(range(4), key=lambda n: rows[n][n])
+    w, x, y, z = rows[largest]
+    scale = math.copysign(1.0 / math.sqrt(w * w + x * x + y * y + z * z), w)
+    return (px, py, pz), (w * scale, x * scale, y * scale, z * scale)
 
 
 def exp(xi: Array) -> Array:

@@ -18,6 +18,7 @@ from scipy import special
 
 from tagmap.conventions import Array, Index, Mask
 from tagmap.localisation.rows import Rows
+from tagmap.records.keyframe import MAX_SIGHTINGS
 
 ACCEPT_PROBABILITY = 0.999
 _RIDGE = 1e-9
@@ -94,12 +95,20 @@ def against_others(fused: Fused, used: Mask) -> Array:
 
 def chi2_bounds(degrees: Index) -> Array:
     """The ACCEPT_PROBABILITY quantile of each number of degrees of freedom."""
-    return np.array([chi2_bound(int(n)) for n in degrees])
+    bounds: Array = every_chi2_bound()[degrees]
+    return bounds
 
 
 @cache
+def every_chi2_bound() -> Array:
+    """By degrees of freedom, up to those of as many sightings as there can be."""
+    degrees = np.arange(4 * MAX_SIGHTINGS + 1)
+    bounds = special.chdtri(np.maximum(degrees, 1), 1.0 - ACCEPT_PROBABILITY)
+    return np.asarray(np.where(degrees > 0, bounds, 0.0), dtype=np.float64)
+
+
 def chi2_bound(degrees: int) -> float:
-    return float(special.chdtri(degrees, 1.0 - ACCEPT_PROBABILITY)) if degrees > 0 else 0.0
+    return float(every_chi2_bound()[degrees]) if degrees > 0 else 0.0
 
 
 def _inverse(matrix: Array) -> Array:

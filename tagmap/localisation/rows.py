@@ -11,7 +11,9 @@ import numpy as np
 
 from tagmap.conventions import Array, Mask
 from tagmap.geometry import measurement
-from tagmap.localisation.scene import Scene, lie
+from tagmap.geometry.kernels import spots
+from tagmap.localisation.kernels import rows as kernels
+from tagmap.localisation.scene import Scene
 
 MOST_ADDED_NOISE = 1e10
 
@@ -40,41 +42,47 @@ class Rows:
 
 def rows_at(scene: Scene, T_map_base: Array) -> Rows:
     """Linearise at T_map_base (D, D)."""
-    group, d = lie(scene.sensor.kind), scene.p_map.shape[1]
-    R_map_base = T_map_base[:d, :d]
-    p_base = (scene.p_map - T_map_base[:d, d]) @ R_map_base
-    with np.errstate(all="ignore"):
-        error, J_cam = predict(scene, group.act(scene.T_cam_base, p_base))
-    J_base = J_cam @ scene.T_cam_base[:, :d, :d]
-    H = -J_base @ group.act_jacobian(np.eye(d + 1), p_base)
-    H_tag = J_base @ R_map_base.T @ scene.root
-    noise = H_tag @ H_tag.swapaxes(-1, -2)
-    if scene.drift is not None:
-        noise = noise + H @ scene.drift @ H.swapaxes(-1, -2)
-    valid = _measurable(scene, noise)
-    system = np.concatenate([error[..., None], H, H_tag], axis=-1)
-    system[~valid], noise[~valid] = 0.0, 0.0
-    white = np.linalg.solve(np.linalg.cholesky(scene.cov + noise), system)
-    return Rows(white[..., 0], white[..., 1:-d], white[..., -d:], valid)
+    p_base, r, J = seen_from(scene, T_map_base)
+    n, k, d = J.shape
+    dof = 6 if d == 3 else 3
+    H, H_tag, valid = np.empty((n, k, dof)), np.empty((n, k, d)), np.empty(n, dtype=bool)
+    kernels.linearise(
+        np.ascontiguousarray(T_map_base),
+        scene.T_cam_base,
+        p_base,
+        scene.root,
+        scene.cov,
+        np.zeros((0, dof, dof)) if scene.drift is None else scene.drift,
+        MOST_ADDED_NOISE,
+        r,
+        J,
+        H,
+        H_tag,
+        valid,
+    )
+    return Rows(r, H, H_tag, valid)
 
 
-def _measurable(scene: Scene, noise: Array) -> Mask:
-    """In sight at all (not NaN), and not at so grazing an angle that the tag's own noise drowns
-    the measurement and, with it, the arithmetic."""
-    added = np.trace(noise, axis1=1, axis2=2)
-    own = np.diagonal(scene.cov, axis1=1, axis2=2).min(axis=1)
-    measurable: Mask = added < MOST_ADDED_NOISE * own
-    return measurable
+def seen_from(scene: Scene, T_map_base: Array) -> tuple[Array, Array, Array]:
+    """p_base (N, d) of the tags, and what `predict` says of them."""
+    p_base, p_cam = np.empty_like(scene.p_map), np.empty_like(scene.p_map)
+    T = np.ascontiguousarray(T_map_base)
+    kernels.place(T, scene.p_map, scene.T_cam_base, p_base, p_cam)
+    return p_base, *predict(scene, p_cam)
 
 
 def predict(scene: Scene, p_cam: Array) -> tuple[Array, Array]:
     """z - h (N, k) and its Jacobian's negative dh / dp_cam (N, k, d), padded with zeros."""
     n, k = len(scene), scene.cov.shape[-1]
     error, J = np.zeros((n, k)), np.zeros((n, k, p_cam.shape[1]))
-    kind, rig = scene.sensor.kind, scene.sensor.rig
+    kind, sensor = scene.sensor.kind, scene.sensor
     for block in scene.blocks:
+        if block.form == "stereo_px" and len(block.index) == n and sensor.cameras is not None:
+            spots.stereo(*sensor.cameras, block.scale * p_cam, error, J)
+            return block.z - error, block.scale * J
         seen = block.scale * p_cam[block.index]
-        predicted, J_seen = measurement.predict(block.form, kind, seen, rig)
+        with np.errstate(all="ignore"):
+            predicted, J_seen = measurement.predict(block.form, kind, seen, sensor.rig)
         used = predicted.shape[1]
         error[block.index, :used] = -measurement.residual(block.form, kind, block.z, predicted)
         J[block.index, :used] = block.scale * J_seen

@@ -10,6 +10,7 @@ from tagmap.conventions import Array, Form, Index, Kind
 from tagmap.geometry import se2, se3
 from tagmap.geometry.measurement import FORM_WIDTH, PIXEL_FORMS
 from tagmap.geometry.stereo import StereoRig
+from tagmap.localisation.view import camera_arrays
 from tagmap.records.arrays import MeasurementBlock, measurement_blocks
 from tagmap.records.keyframe import Measurement
 
@@ -21,11 +22,19 @@ def lie(kind: Kind) -> ModuleType:
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """`scale`: the factor by which a form sees distances too long, where it is not 1."""
+    """`scale`: the factor by which a form sees distances too long, where it is not 1.
+
+    `cameras`: of `rig`, as the kernels take them.
+    """
 
     kind: Kind
     rig: StereoRig | None = None
     scale: Mapping[Form, float] = field(default_factory=dict)
+    cameras: tuple[Array, Array, Array] | None = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        cameras = None if self.rig is None else camera_arrays(self.rig)
+        object.__setattr__(self, "cameras", cameras)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +74,11 @@ class Block:
     z: Array
     scale: float
 
+    def below(self, n: int) -> "Block":
+        """Of the first n sightings of the scene."""
+        k = int(np.searchsorted(self.index, n))
+        return Block(self.form, self.index[:k], self.z[:k], self.scale)
+
 
 @dataclass(frozen=True, slots=True)
 class Scene:
@@ -90,6 +104,25 @@ class Scene:
 
     def __len__(self) -> int:
         return len(self.source)
+
+    def starts_with_different_tags(self, n: int) -> bool:
+        """Whether the first n sightings are there and of n tags."""
+        return len(set(self.tag[:n].tolist())) == n
+
+    def first(self, n: int) -> "Scene":
+        """The first n sightings alone."""
+        return Scene(
+            sensor=self.sensor,
+            blocks=tuple(block.below(n) for block in self.blocks),
+            source=self.source[:n],
+            tag=self.tag[:n],
+            p_map=self.p_map[:n],
+            root=self.root[:n],
+            T_cam_base=self.T_cam_base[:n],
+            cov=self.cov[:n],
+            width=self.width[:n],
+            drift=None if self.drift is None else self.drift[:n],
+        )
 
 
 def usable_forms(sensor: Sensor) -> set[Form]:
@@ -128,7 +161,9 @@ def look(
         tag=tag,
         p_map=table.p_map[tag],
         root=table.root[tag],
-        T_cam_base=np.broadcast_to(each, (len(source), *T_cam_base.shape[-2:])),
+        T_cam_base=np.ascontiguousarray(
+            np.broadcast_to(each, (len(source), *T_cam_base.shape[-2:]))
+        ),
         cov=cov,
         width=width,
         drift=None if drift is None else drift[source],

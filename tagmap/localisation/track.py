@@ -4,10 +4,9 @@ A track cannot lock onto a wrong pose: keyframes whose sightings mostly contradi
 and after a few of them the sightings since then are asked for a fix of their own.
 """
 
-from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from itertools import islice
 
 import numpy as np
 
@@ -16,8 +15,10 @@ from tagmap.geometry.covariance import unpack_upper
 from tagmap.localisation.fix import fix
 from tagmap.localisation.integrity.live import MOST_LOOKS, NO_ASSURANCE, Assurance, assure
 from tagmap.localisation.integrity.promise import Promise
+from tagmap.localisation.kernels import carrying
 from tagmap.localisation.scene import Scene, Sensor, TagTable, lie, look
 from tagmap.localisation.update import Belief, sigmas, update
+from tagmap.localisation.window import Past, Seen, Window
 from tagmap.records.arrays import matrix
 from tagmap.records.keyframe import MAX_SIGHTINGS, Keyframe, Measurement, Odometry, Sighting
 from tagmap.records.pose import PoseState
@@ -58,19 +59,6 @@ class Live:
     rejected: tuple[str, ...] = ()
 
 
-Seen: TypeAlias = tuple[tuple[Measurement, ...], tuple[str, ...]]
-
-
-@dataclass(slots=True)
-class _Past:
-    """A keyframe of the window: what it saw, T_cam_base then, and the way back from now."""
-
-    seen: Seen
-    T_cam_base: Array
-    T_then_now: Array
-    cov: Array
-
-
 class Track:
     """Feed the keyframes of one session in order with `step`, new maps with `adopt`."""
 
@@ -89,7 +77,8 @@ class Track:
         self._anchored = False
         self._belief: Belief | None = None
         self._T_odom_base: Array = np.eye(self._d + 1)
-        self._window: deque[_Past] = deque(maxlen=self._thresholds.window)
+        self._window = Window(sensor.kind, self._thresholds.window)
+        self._scene: Scene | None = None
         self._contradicted = 0
         self._accepted: tuple[str, ...] = ()
         self._rejected: tuple[str, ...] = ()
@@ -100,14 +89,14 @@ class Track:
         """Turn to a new map, moved by T_new_old against the one before (None: not known)."""
         belief, old = self._belief, self._table
         self._table, self._anchored, self._sensor = table, anchored, sensor or self._sensor
+        self._scene = None
         if belief is None or T_new_old is None:
             self._belief = None
             return
         turned = belief.cross @ T_new_old[: self._d, : self._d].T
         cross = np.zeros((len(table), *turned.shape[1:]))
-        for tag, row in table.index.items():
-            if (before := old.index.get(tag)) is not None:
-                cross[row] = turned[before]
+        common = [tag for tag in old.index if tag in table.index]
+        cross[[table.index[tag] for tag in common]] = turned[[old.index[tag] for tag in common]]
         self._belief = Belief(T_new_old @ belief.T_map_base, belief.cov, cross)
 
     def start_from(self, T_map_base: Array, cov: Array) -> None:
@@ -131,7 +120,7 @@ class Track:
         seen = _mapped(sightings, self._table.index)
         if seen[1]:
             T_cam_base = self._group.inverse(T_base_cam)
-            self._remember(seen, T_cam_base)
+            self._window.add(seen, T_cam_base)
             self._correct(seen, T_cam_base)
             self._reopen()
         self._give_up()
@@ -165,31 +154,26 @@ class Track:
         if odom is None:
             self.interrupt()
             return
-        T_step = matrix(odom.T_prev_cur)
-        cov_step = unpack_upper(np.array(odom.cov), POSE_DOF[self._sensor.kind])
+        T_step, dof = matrix(odom.T_prev_cur), POSE_DOF[self._sensor.kind]
+        cov_step, Ad = unpack_upper(np.array(odom.cov), dof), np.empty((dof, dof))
+        carrying.adjoint_of_inverse(T_step, Ad)
         self._T_odom_base = self._T_odom_base @ T_step
-        Ad = self._group.adjoint(self._group.inverse(T_step))
         if self._belief is not None:
             self._belief = self._belief.moved(T_step, Ad, cov_step)
-        for past in self._window:
-            past.T_then_now = past.T_then_now @ T_step
-            past.cov = Ad @ past.cov @ Ad.T + cov_step
-        while self._window and self._is_adrift(self._window[0]):
-            self._window.popleft()
+        self._window.move(T_step, Ad, cov_step)
+        while self._window and self._is_adrift(self._window.cov[0]):
+            self._window.drop_oldest()
+        self._scene = None
 
-    def _is_adrift(self, past: _Past) -> bool:
-        sigma_m, sigma_rad = sigmas(past.cov)
+    def _is_adrift(self, cov: Array) -> bool:
+        sigma_m, sigma_rad = sigmas(cov)
         limits = self._thresholds
         return not (sigma_m <= limits.drift_m and sigma_rad <= limits.drift_rad)
-
-    def _remember(self, seen: Seen, T_cam_base: Array) -> None:
-        dof = POSE_DOF[self._sensor.kind]
-        self._window.append(_Past(seen, T_cam_base, np.eye(self._d + 1), np.zeros((dof, dof))))
 
     def _correct(self, seen: Seen, T_cam_base: Array) -> None:
         if self._belief is None:
             return
-        scene = look(self._sensor, self._table, *seen, T_cam_base)
+        self._scene = scene = look(self._sensor, self._table, *seen, T_cam_base)
         self._belief, accepted = update(scene, self._belief)
         tags = np.array(seen[1], dtype=object)[scene.source]
         self._accepted = tuple(tags[accepted])
@@ -217,40 +201,36 @@ class Track:
         recent = self._latest(n)
         measurements = [z for past in recent for z in past.seen[0]]
         tags = [tag for past in recent for tag in past.seen[1]]
-        counts = [len(past.seen[1]) for past in recent]
-        T_cam_base = np.array([past.T_cam_base @ past.T_then_now for past in recent])
-        return look(
-            self._sensor,
-            self._table,
-            measurements,
-            tags,
-            np.repeat(T_cam_base, counts, axis=0),
-            np.repeat(np.array([past.cov for past in recent]), counts, axis=0),
-        )
+        return self._carried([past for past in recent for _ in past.seen[1]], measurements, tags)
 
     def _latest_looks(self) -> Scene:
         """Of the tags seen last, the latest look at each, as if seen from the present base."""
-        looks: dict[str, tuple[_Past, Measurement]] = {}
-        for past in reversed(self._window):
+        if self._scene is not None and self._scene.starts_with_different_tags(MOST_LOOKS):
+            return self._scene.first(MOST_LOOKS)
+        looks: dict[str, tuple[Past, Measurement]] = {}
+        for past in self._window.newest_first():
             for z, tag in zip(*past.seen, strict=True):
                 if len(looks) < MOST_LOOKS and tag in self._table.index:
                     looks.setdefault(tag, (past, z))
-        dof = POSE_DOF[self._sensor.kind]
-        T_cam_base = [past.T_cam_base @ past.T_then_now for past, _ in looks.values()]
-        return look(
-            self._sensor,
-            self._table,
-            [z for _, z in looks.values()],
-            list(looks),
-            np.array(T_cam_base).reshape(-1, self._d + 1, self._d + 1),
-            np.array([past.cov for past, _ in looks.values()]).reshape(-1, dof, dof),
-        )
+            if len(looks) == MOST_LOOKS:
+                break
+        pasts, measurements = [past for past, _ in looks.values()], [z for _, z in looks.values()]
+        return self._carried(pasts, measurements, list(looks))
 
-    def _latest(self, n: int) -> list[_Past]:
+    def _carried(
+        self, pasts: Sequence[Past], measurements: Sequence[Measurement], tags: Sequence[str]
+    ) -> Scene:
+        """What each of `pasts` saw, as if from the present base."""
+        places, d = [past.place for past in pasts], self._d
+        T_cam_base = np.array([past.T_cam_base for past in pasts]).reshape(-1, d + 1, d + 1)
+        T, cov = T_cam_base @ self._window.T[places], self._window.cov[places]
+        return look(self._sensor, self._table, measurements, tags, T, cov)
+
+    def _latest(self, n: int) -> list[Past]:
         """At most n keyframes, and no more than one fix can look through at once."""
-        chosen: list[_Past] = []
+        chosen: list[Past] = []
         room = MAX_SIGHTINGS
-        for past in list(self._window)[: -n - 1 : -1]:
+        for past in islice(self._window.newest_first(), n):
             room -= len(past.seen[1])
             if chosen and room < 0:
                 break
@@ -275,7 +255,7 @@ class Track:
     def _forget_all_but(self, n: int) -> None:
         """What agreed with a pose that is given up as wrong must not vote on the next one."""
         while n and len(self._window) > n:
-            self._window.popleft()
+            self._window.drop_oldest()
 
     def _is_good(self, belief: Belief) -> bool:
         sigma_m, sigma_rad = sigmas(belief.cov)

@@ -1,21 +1,16 @@
 """Correcting a believed pose by a scene: gate, exclude, iterate."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from tagmap.conventions import Array, Mask
-from tagmap.localisation.fusion import (
-    Fused,
-    Prior,
-    against_others,
-    against_prediction,
-    chi2_bound,
-    chi2_bounds,
-    fuse,
-    gain_of_tags,
-)
-from tagmap.localisation.rows import Rows, rows_at
+from tagmap.geometry import se2
+from tagmap.geometry.kernels import rigid
+from tagmap.localisation.fusion import Prior, chi2_bounds, every_chi2_bound
+from tagmap.localisation.kernels import fusing as kernels
+from tagmap.localisation.rows import rows_at
 from tagmap.localisation.scene import Scene, lie
 
 MAX_STEPS = 5
@@ -33,14 +28,19 @@ class Belief:
 
     def moved(self, T_step: Array, Ad: Array, cov_step: Array) -> "Belief":
         """After an odometry step T_prev_cur; Ad is the adjoint of its inverse."""
-        cov = Ad @ self.cov @ Ad.T + cov_step
-        return Belief(self.T_map_base @ T_step, cov, Ad @ self.cross)
+        cov, cross = Ad @ self.cov @ Ad.T + cov_step, np.empty_like(self.cross)
+        kernels.transform(Ad, self.cross, cross)
+        return Belief(self.T_map_base @ T_step, cov, cross)
 
 
 def sigmas(cov: Array) -> tuple[float, float]:
     """Root of the total position variance in m, and of the total rotation variance in rad."""
-    variance, d = np.diagonal(cov), 3 if len(cov) == 6 else 2
-    return float(np.sqrt(variance[:d].sum())), float(np.sqrt(variance[d:].sum()))
+    variance, d = cov.diagonal().tolist(), 3 if len(cov) == 6 else 2
+    return _root(sum(variance[:d])), _root(sum(variance[d:]))
+
+
+def _root(variance: float) -> float:
+    return math.sqrt(variance) if variance >= 0.0 else math.nan
 
 
 def update(scene: Scene, belief: Belief) -> tuple[Belief, Mask]:
@@ -55,46 +55,36 @@ def _update(scene: Scene, belief: Belief) -> tuple[Belief, Mask]:
     """Iterated extended Kalman update (Bell and Cathey 1993) on the accepted sightings."""
     group = lie(scene.sensor.kind)
     T, cross = belief.T_map_base, belief.cross[scene.tag]
-    rows = rows_at(scene, T)
-    chi2 = against_prediction(rows, belief.cov, cross)
-    use: Mask = chi2 <= chi2_bounds(scene.width)
+    rows, chi2 = rows_at(scene, T), np.empty(len(scene))
+    kernels.against_prediction(rows.r, rows.H, rows.H_tag, belief.cov, cross, chi2)
+    use: Mask = rows.valid & (chi2 <= chi2_bounds(scene.width))
     prior, start = Prior(belief.cov, cross), np.zeros(len(belief.cov))
+    J = np.eye(len(start))
     if not use.any():
         return belief, use
+    U = np.empty((*rows.r.shape, 2 * len(start)))
     for _ in range(MAX_STEPS):
-        fused, use = _without_contradictions(scene, rows, prior, start, use)
-        T = T @ group.exp(fused.delta)
-        if np.abs(fused.delta).max() < _SMALL_STEP or not use.any():
+        use = use & rows.valid
+        delta, cov, gain = kernels.fuse_what_agrees(
+            *(rows.r, rows.H, rows.H_tag, use, scene.width, every_chi2_bound()),
+            *(prior.cov, prior.cross, start, U),
+        )
+        T = _stepped(T, delta)
+        if np.abs(delta).max() < _SMALL_STEP or not use.any():
             break
         xi = group.log(group.inverse(belief.T_map_base) @ T)
         J = group.right_jacobian(xi)
         prior, start = Prior(J @ belief.cov @ J.T, J @ cross), -xi
         rows = rows_at(scene, T)
-    cross = _cross_after(belief, scene, rows.only(use), fused, group.right_jacobian(-start))
-    return Belief(T, fused.cov, cross), use
+    after = np.empty_like(belief.cross)
+    kernels.cross_after(belief.cross, scene.tag, gain, U, rows.H, rows.H_tag, J, after)
+    return Belief(T, cov, after), use
 
 
-def _without_contradictions(
-    scene: Scene, rows: Rows, prior: Prior, start: Array, use: Mask
-) -> tuple[Fused, Mask]:
-    """Fuse; while the residuals as a whole are too large, exclude the sighting that fits worst."""
-    use = use & rows.valid
-    while True:
-        fused = fuse(rows.only(use), prior, start)
-        if fused.chi2 <= chi2_bound(int(scene.width[use].sum())):
-            return fused, use
-        excess = against_others(fused, use) / chi2_bounds(scene.width)
-        worst = int(np.argmax(excess))
-        if excess[worst] <= 1.0:
-            return fused, use
-        use = use.copy()
-        use[worst] = False
-
-
-def _cross_after(belief: Belief, scene: Scene, rows: Rows, fused: Fused, J: Array) -> Array:
-    """C - K (H C + H_tag e e^T) for every mapped tag."""
-    dof = len(belief.cov)
-    seen_by_pose = fused.gain @ np.einsum("nkc,nkd->cd", fused.U, rows.H)
-    cross: Array = (np.eye(dof) - seen_by_pose) @ J @ belief.cross
-    np.subtract.at(cross, scene.tag, gain_of_tags(fused, rows))
-    return cross
+def _stepped(T: Array, delta: Array) -> Array:
+    """T @ exp(delta)."""
+    if len(T) == 3:
+        return T @ se2.exp(delta)
+    moved = np.eye(4)
+    rigid.exp_update(T, delta, moved)
+    return moved

@@ -43,11 +43,10 @@ class MeasurementBlock:
 
 def matrix(transform: Transform) -> Array:
     """(4, 4) of a spatial, (3, 3) of a planar transform."""
-    p = np.array(transform.p_m)
     if isinstance(transform.q_wxyz, tuple):
-        return se3.from_p_q(p, np.array(transform.q_wxyz))
+        return se3.one_from_p_q(transform.p_m, transform.q_wxyz)
     assert isinstance(transform.theta_rad, float)
-    return se2.from_p_theta(p, transform.theta_rad)
+    return se2.from_p_theta(np.array(transform.p_m), transform.theta_rad)
 
 
 def matrices(kind: Kind, transforms: Sequence[Transform]) -> Array:
@@ -64,8 +63,8 @@ def matrices(kind: Kind, transforms: Sequence[Transform]) -> Array:
 def transform(T: Array) -> Transform:
     """The edge form of one (4, 4) or (3, 3) matrix."""
     if T.shape[-1] == 4:
-        p, q_wxyz = se3.to_p_q(T)
-        return Transform(p_m=vector(p), q_wxyz=vector(q_wxyz))
+        p_m, q_wxyz = se3.one_to_p_q(T)
+        return Transform(p_m=p_m, q_wxyz=q_wxyz)
     p, theta = se2.to_p_theta(T)
     return Transform(p_m=vector(p), theta_rad=float(theta))
 

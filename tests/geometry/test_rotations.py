@@ -29,6 +29,15 @@ def test_quaternion_round_trip_keeps_the_transform_and_w_positive(xi: np.ndarray
     np.testing.assert_allclose(se3.from_p_q(p, -q), T, atol=1e-14)
 
 
+@given(tangents(6))
+def test_one_pose_in_plain_numbers_is_as_in_a_batch(xi: np.ndarray) -> None:
+    for T in se3.exp(xi).reshape(-1, 4, 4):
+        p, q_wxyz = se3.one_to_p_q(T)
+        np.testing.assert_allclose(np.array(p), se3.to_p_q(T)[0])
+        np.testing.assert_allclose(np.array(q_wxyz), se3.to_p_q(T)[1], atol=1e-12)
+        np.testing.assert_allclose(se3.one_from_p_q(p, [3.0 * x for x in q_wxyz]), T, atol=1e-12)
+
+
 @pytest.mark.parametrize("axis", [*np.eye(3), *-np.eye(3), [0.6, 0.0, -0.8], [-0.48, 0.6, 0.64]])
 def test_log_at_pi_is_a_half_turn_about_the_axis(axis: list[float]) -> None:
     omega = so3.log(so3.exp(pi * np.asarray(axis)))

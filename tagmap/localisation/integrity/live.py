@@ -7,19 +7,25 @@ linear: one Gauss-Newton step from the believed pose.
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
-from tagmap.conventions import Array
-from tagmap.localisation.fusion import against_prediction, chi2_bounds
-from tagmap.localisation.integrity.promise import Promise, bounds, radius
-from tagmap.localisation.rows import Rows, predict, rows_at
-from tagmap.localisation.scene import Scene, lie
+from tagmap.conventions import Array, Form, Mask
+from tagmap.localisation.fusion import chi2_bounds
+from tagmap.localisation.integrity.promise import Promise, ball_and_box, bounds
+from tagmap.localisation.kernels import assuring as kernels
+from tagmap.localisation.kernels import fusing
+from tagmap.localisation.rows import Rows, rows_at, seen_from
+from tagmap.localisation.scene import Scene
+from tagmap.records.keyframe import MAX_SIGHTINGS
 
 MOST_LOOKS = 8
 # Beyond this turn, 1 sigma times four plus separation, one linear step says nothing.
 _MOST_TURN_RAD = 0.3
 _OPEN = 1e-9
+# They measure a point in all directions.
+_WHOLE: tuple[Form, ...] = ("stereo_px", "point_cam_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +46,10 @@ def assure(
     if len(scene) == 0:
         return NO_ASSURANCE
     apart = _independent(scene)
-    rows = rows_at(apart, T_map_base)
-    fitting = against_prediction(rows, cov, cross) <= chi2_bounds(scene.width)
-    level = _level(apart, rows.only(fitting), cov, promise)
-    return Assurance(_pdop(scene, T_map_base), level)
+    rows, chi2 = rows_at(apart, T_map_base), np.empty(len(scene))
+    fusing.against_prediction(rows.r, rows.H, rows.H_tag, cov, cross, chi2)
+    fitting = rows.valid & (chi2 <= chi2_bounds(scene.width))
+    return Assurance(_pdop(scene, T_map_base), _level(apart, rows, fitting, cov, promise))
 
 
 def _independent(scene: Scene) -> Scene:
@@ -56,51 +62,42 @@ def _independent(scene: Scene) -> Scene:
     return replace(scene, drift=max(carried, 1) * scene.drift)
 
 
-def _level(scene: Scene, rows: Rows, cov: Array, promise: Promise) -> float | None:
-    n, d = int(rows.valid.sum()), scene.p_map.shape[1]
+def _level(scene: Scene, rows: Rows, fitting: Mask, cov: Array, promise: Promise) -> float | None:
+    balls = _balls(promise, int(np.count_nonzero(fitting)), scene.p_map.shape[1])
+    if balls is None:
+        return None
+    acceptable = _bounds(promise.p_false_alarm)
+    found = kernels.level(
+        *(rows.r, rows.H, fitting, scene.width, cov, acceptable, balls, _MOST_TURN_RAD, _OPEN)
+    )
+    return None if np.isnan(found) else found
+
+
+@cache
+def _balls(promise: Promise, n: int, d: int) -> Array | None:
+    """(2,) how large the balls are of poses in d dimensions by n tags; None: nothing is promised.
+
+    The risk that is left goes to what the pose is wrong by though one of its tags at most is.
+    """
     p = promise.risk - promise.p_false_alarm - float(promise.p_more(n, 1))
-    if n == 0 or p <= 0.0:
-        return None
-    r, H, width = rows.r[rows.valid], rows.H[rows.valid], scene.width[rows.valid]
-    A, b = H.swapaxes(-1, -2) @ H, np.einsum("nkc,nk->nc", H, r)
-    square = np.einsum("nk,nk->n", r, r)
-    without, information = b.sum(axis=0) - b, A.sum(axis=0) - A
-    inverse = _inverse(information)
-    if inverse is None:
-        return None
-    delta = np.einsum("nab,nb->na", inverse, without)
-    chi2 = square.sum() - square - np.einsum("na,na->n", without, delta)
-    possible = chi2 <= bounds(width.sum() - width - len(cov), promise.p_false_alarm)
-    turn = np.linalg.norm(delta[:, d:], axis=1)
-    turn = turn + 4.0 * np.sqrt(np.trace(inverse[:, d:, d:], axis1=1, axis2=2))
-    if not possible.any() or (turn[possible] > _MOST_TURN_RAD).any():
-        return None
-    balls = radius(np.concatenate([inverse[:, :d, :d], cov[None, :d, :d]]), np.array(p))
-    reach = np.linalg.norm(delta[:, :d], axis=1) + balls[:-1]
-    return float(max(reach[possible].max(), balls[-1]))
+    return None if n == 0 or p <= 0.0 else np.array(ball_and_box(p, d))
 
 
-def _inverse(information: Array) -> Array | None:
-    """Of all (M, dof, dof), or None where one leaves a direction open."""
-    scale = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
-    if not (scale > 0.0).all():
-        return None
-    both = scale[:, :, None] * scale[:, None, :]
-    scaled = information / both
-    if not np.linalg.eigvalsh(scaled).min() > _OPEN:
-        return None
-    return np.asarray(np.linalg.inv(scaled) / both, dtype=np.float64)
+@cache
+def _bounds(p_false_alarm: float) -> Array:
+    return bounds(np.arange(4 * MAX_SIGHTINGS + 1), p_false_alarm)
 
 
 def _pdop(scene: Scene, T_map_base: Array) -> float | None:
     """As in `dop`, of whatever the sightings measure of their tags; (J^+ J) is that part."""
-    group, d = lie(scene.sensor.kind), scene.p_map.shape[1]
-    p_base = (scene.p_map - T_map_base[:d, d]) @ T_map_base[:d, :d]
-    with np.errstate(all="ignore"):
-        _, J = predict(scene, group.act(scene.T_cam_base, p_base))
-    J = J @ scene.T_cam_base[:, :d, :d]
-    B = group.act_jacobian(np.eye(d + 1), p_base)[np.isfinite(J).all((-1, -2))]
-    J = J[np.isfinite(J).all((-1, -2))]
-    shown = np.linalg.pinv(J) @ J
-    inverse = _inverse((B.swapaxes(-1, -2) @ shown @ B).sum(axis=0, keepdims=True))
-    return None if inverse is None else float(np.sqrt(np.trace(inverse[0, :d, :d])))
+    d = scene.p_map.shape[1]
+    p_base, _, J = seen_from(scene, T_map_base)
+    visible = np.asarray(np.isfinite(J).all(axis=(1, 2)), dtype=bool)
+    if all(block.form in _WHOLE for block in scene.blocks):
+        shown = np.where(visible[:, None, None], np.eye(d), np.nan)
+    else:
+        shown = np.full((len(scene), d, d), np.nan)
+        J_base = (J @ scene.T_cam_base[:, :d, :d])[visible]
+        shown[visible] = np.linalg.pinv(J_base) @ J_base
+    found = kernels.dilution(p_base, shown, _OPEN)
+    return None if np.isnan(found) else found

@@ -77,8 +77,12 @@ def radius(cov: Array, p: Array) -> Array:
     The better of two bounds, at most a sixth more than the best there is: the ball around the
     whole ellipsoid, and the diagonal of the box around its axes.
     """
-    d = cov.shape[-1]
+    ball, box = ball_and_box(p, cov.shape[-1])
     variances = np.linalg.eigvalsh(cov)
-    ball = special.chdtri(d, p) * variances[..., -1]
-    box = special.ndtri(p / (2.0 * d)) ** 2 * variances.sum(-1)
-    return np.asarray(np.sqrt(np.minimum(ball, box)), dtype=np.float64)
+    square = np.minimum(ball * variances[..., -1], box * variances.sum(-1))
+    return np.asarray(np.sqrt(square), dtype=np.float64)
+
+
+def ball_and_box(p: Array | float, d: int) -> tuple[Array, Array]:
+    """Squares (...) of the ball's radius and of the box's half side, in standard deviations."""
+    return np.asarray(special.chdtri(d, p)), np.asarray(special.ndtri(p / (2.0 * d)) ** 2)
