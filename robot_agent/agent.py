@@ -43,6 +43,8 @@ from tagmap.records.arrays import transform, upper
 from tagmap.records.keyframe import MAX_SIGHTINGS, IdentifiedBy
 
 NEAREST_M, FURTHEST_M = 0.3, 30.0
+ANSWERED_NS = 5_000_000_000
+"""A job that comes again so soon after its answer was on its way when that was given."""
 STANDS = Odometry(
     T_prev_cur=Transform(p_m=(0.0, 0.0, 0.0), q_wxyz=(1.0, 0.0, 0.0, 0.0)),
     cov=upper(1e-10 * np.eye(6)),
@@ -115,6 +117,7 @@ class Agent:
         self._tracker, self._standing = Tracker(), Standing()
         self._onboard = OnBoard(rig, session, atlas.chart())
         self._jobs: dict[str, tuple[WriteJob, int]] = {}
+        self._answered: dict[str, tuple[int, int]] = {}
         self._lit_ns: dict[str, int] = {}
         self._began_ns: int | None = None
         self._has_more = False
@@ -160,7 +163,9 @@ class Agent:
 
     def _hear(self, news: News, now_ns: int) -> Chart | None:
         for job in news.jobs:
-            self._jobs[job.tag] = job, now_ns + round(1e9 * job.valid_s)
+            number, answered_ns = self._answered.get(job.tag, (None, 0))
+            if job.job != number or now_ns - answered_ns > ANSWERED_NS:
+                self._jobs[job.tag] = job, now_ns + round(1e9 * job.valid_s)
         self._jobs = {tag: one for tag, one in self._jobs.items() if one[1] > now_ns}
         if news.served is None or not self._atlas.serve(news.served):
             return None
@@ -252,8 +257,9 @@ class Agent:
         for outcome in outcomes:
             if outcome.verdict.tag is not None:
                 self._lit_ns[outcome.verdict.tag] = outcome.ended_ns
-            if outcome.verdict.result is not None:
-                self._jobs.pop(outcome.verdict.result.tag, None)
+            if (result := outcome.verdict.result) is not None:
+                self._jobs.pop(result.tag, None)
+                self._answered[result.tag] = result.job, outcome.ended_ns
         return outcomes
 
     def _belief(self, sky: Sky) -> PoseBelief:

@@ -12,6 +12,7 @@ from robot_agent.cameras.camera import Failure as CameraFailure
 from robot_agent.cameras.camera import StereoCamera, StereoPair
 from robot_agent.head import Head
 from robot_agent.health import Health
+from robot_agent.laser.interlock import DeviceFailed
 from robot_agent.odometry.odometry import Odometer, OdomPose
 from robot_agent.pan_tilt.mounting import CameraPose, Mounting
 from tagmap.conventions import Array
@@ -106,9 +107,11 @@ class Robot:
         raise AssertionError("an agent without a laser asks for nothing")
 
     def _note_shots(self, report: Report) -> None:
-        """A device that fails makes shots time out; one that comes to an end shows it works."""
-        if not report.outcomes:
+        """A device that fails makes shots time out, and so does a permit that ends early, which is
+        no device's fault. A shot that comes to an end shows that both work."""
+        if any(o.verdict.kind != "timeout" for o in report.outcomes):
+            self.health.note("laser and reader", None)
             return
-        failed = [o.verdict.reason for o in report.outcomes if o.verdict.kind == "timeout"]
-        all_failed = len(failed) == len(report.outcomes)
-        self.health.note("laser and reader", failed[-1] if all_failed else None)
+        failed = [o.verdict.reason for o in report.outcomes]
+        if broken := [reason for reason in failed if isinstance(reason, DeviceFailed)]:
+            self.health.note("laser and reader", broken[-1])

@@ -24,6 +24,7 @@ class Sensing(Background):
         self._robot, self._source, self._uplink = robot, source, uplink
         self._log: Any = structlog.get_logger().bind(robot=name)
         self._state = ""
+        self._map: tuple[str | None, int] = (None, 0)
         self.fault: Exception | None = None
         super().__init__("sensing", self._run)
 
@@ -56,8 +57,10 @@ class Sensing(Background):
         if report.pose.state != self._state:
             self._state = report.pose.state
             self._log.info("pose", state=self._state, gauge=report.pose.gauge)
-        if report.chart is not None:
-            self._log.info("map", origin=report.chart.origin, tags=len(report.chart))
+        chart = report.chart
+        if chart is not None and (chart.origin, len(chart)) != self._map:
+            self._map = chart.origin, len(chart)
+            self._log.info("map", origin=chart.origin, tags=len(chart))
 
     def _log_shots(self, report: Report) -> None:
         for outcome in report.outcomes:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from robot_agent.activation.commands import Act, Aim, Dark, Denied, Light, Listen, Wait
 from robot_agent.activation.rules import ShotRules
 from robot_agent.laser.device import Steps
-from robot_agent.laser.interlock import SECOND_NS
+from robot_agent.laser.interlock import SECOND_NS, DeviceFailed
 from robot_agent.rfid.reader import Inventory
 
 
@@ -57,14 +57,15 @@ def heard(rules: ShotRules, now_ns: int, until_ns: int | None) -> Act[Window]:
     yield Wait(now_ns + round(rules.settle_s * SECOND_NS))
     reply = yield Listen(rules.window_s)
     if not isinstance(reply.value, Inventory):
-        return Window({}, _failure(reply.value))
+        return Window({}, failure_of(reply.value))
     if until_ns is not None and reply.now_ns > until_ns:
         return Window({}, "the reader was late: the laser may have been off already")
     return Window({tag.epc: tag.count for tag in reply.value.tags})
 
 
-def _failure(value: object) -> str:
-    return str(getattr(value, "detail", "the reader did not answer"))
+def failure_of(value: object) -> DeviceFailed:
+    """What a reader says that did not listen."""
+    return DeviceFailed(getattr(value, "detail", "the reader did not answer"))
 
 
 def light_up(rules: ShotRules) -> Act[Window]:
