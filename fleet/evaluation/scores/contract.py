@@ -43,6 +43,7 @@ class Scores(msgspec.Struct, frozen=True, kw_only=True):
     keyframes_sent: int
     keyframes_stored: int
     keyframes_duplicated: int
+    keyframes_lost: int
     ack_p50_ms: float | None
     ack_p99_ms: float | None
     solve_p50_s: float | None

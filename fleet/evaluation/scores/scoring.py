@@ -100,6 +100,7 @@ def score(findings: Findings, report: str | None) -> Scores:
         keyframes_sent=evidence.sent,
         keyframes_stored=findings.delivery.stored,
         keyframes_duplicated=findings.delivery.duplicated,
+        keyframes_lost=findings.delivery.lost,
         ack_p50_ms=_percentile(ack_ms, 50),
         ack_p99_ms=_percentile(ack_ms, 99),
         solve_p50_s=_percentile(np.array(findings.solve_s), 50),

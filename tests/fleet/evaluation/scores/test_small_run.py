@@ -167,6 +167,13 @@ def test_what_was_stored_twice_is_told(run):
     assert find(other, SITE_NUMBER).delivery.duplicated == 1
 
 
+def test_what_was_acknowledged_and_is_not_there_is_lost(run):
+    assert find(run, SITE_NUMBER).delivery.lost == 0
+    other = with_keyframes(run, lambda keyframe: keyframe)
+    other.__dict__["keyframes"] = run.keyframes[:-3]
+    assert find(other, SITE_NUMBER).delivery.lost == 3
+
+
 def test_memories_are_judged_by_what_is_in_them(run):
     world = run.world
     tag = world.scene.tags[0]
