@@ -6,11 +6,28 @@ import numpy as np
 import numpy.typing as npt
 
 from tagmap.conventions import Array
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, inlined
 
 LEAST = 0.02
 """Grey levels below which the tail of a spot is cut off: a hundredth of the noise."""
 FARTHEST = 6.0
+FULL_SCALE = 255
+
+
+@inlined
+def _add(
+    flat: npt.NDArray[np.float32],
+    at: int,
+    more: float,
+    touched: npt.NDArray[np.int32],
+    n: int,
+) -> int:
+    if more > 1e-6:
+        if flat[at] == 0.0:
+            touched[n] = at
+            n += 1
+        flat[at] += more
+    return n
 
 
 @compiled
@@ -38,11 +55,14 @@ def fall(
         u0, u1 = max(0, math.ceil(u - reach)), min(width - 1, math.floor(u + reach))
         v0, v1 = max(0, math.ceil(v - reach)), min(height - 1, math.floor(v + reach))
         scale = 1.0 / (sigma * math.sqrt(2.0))
+        before = math.erf((u0 - 0.5 - u) * scale)
         for i in range(u0, u1 + 1):
-            across[i] = math.erf((i + 0.5 - u) * scale) - math.erf((i - 0.5 - u) * scale)
+            behind = math.erf((i + 0.5 - u) * scale)
+            across[i], before = behind - before, behind
+        before = math.erf((v0 - 0.5 - v) * scale)
         for j in range(v0, v1 + 1):
-            down = math.erf((j + 0.5 - v) * scale) - math.erf((j - 0.5 - v) * scale)
-            row = 0.25 * flux * down
+            behind = math.erf((j + 0.5 - v) * scale)
+            row, before = 0.25 * flux * (behind - before), behind
             for i in range(u0, u1 + 1):
                 n = _add(flat, j * width + i, row * across[i], touched, n)
     for k in range(len(discs)):
@@ -58,16 +78,20 @@ def fall(
 
 
 @compiled
-def _add(
-    flat: npt.NDArray[np.float32],
-    at: int,
-    more: float,
-    touched: npt.NDArray[np.int32],
-    n: int,
-) -> int:
-    if more > 1e-6:
-        if flat[at] == 0.0:
-            touched[n] = at
-            n += 1
-        flat[at] += more
-    return n
+def add(
+    image: npt.NDArray[np.uint8],
+    light: npt.NDArray[np.float32],
+    pixels: npt.NDArray[np.int32],
+    more: Array,
+    counted: npt.NDArray[np.float32],
+    down: int,
+    right: int,
+) -> None:
+    """Counts `more` (n,) grey levels in these pixels, on top of what was `counted` (height, width),
+    whose pixel (down, right) is at the origin; `light` is 0 there afterwards."""
+    height, width = image.shape
+    for k in range(len(pixels)):
+        row, column = pixels[k] // width, pixels[k] % width
+        level = more[k] + counted[(row + down) % height, (column + right) % width]
+        image[row, column] = min(max(np.rint(level), 0.0), FULL_SCALE)
+        light[row, column] = 0.0

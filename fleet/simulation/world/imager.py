@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.simulation.scenario.physics import Optics
-from fleet.simulation.world.grains import LEAST, fall
-from fleet.simulation.world.noise import FULL_SCALE, noise, shifted
+from fleet.simulation.world.grains import LEAST, add, fall
+from fleet.simulation.world.noise import noise, shifted
 from tagmap.conventions import Array
 
 HALO_WIDTH = 4.0
@@ -58,12 +58,10 @@ class Imager:
         ground = shifted(background, rng)
         image = ground.image()
         n = fall(self._light, self._spots(lights), self._discs(lights), self._touched)
-        pixels = self._touched[:n].astype(np.int64)
-        flat = self._light.reshape(-1)
-        electrons = rng.poisson(flat[pixels] / optics.gain)
-        flat[pixels] = 0.0
-        counted = ground.at(pixels) + optics.gain * electrons
-        image.reshape(-1)[pixels] = np.clip(np.rint(counted), 0.0, FULL_SCALE).astype(np.uint8)
+        pixels = self._touched[:n]
+        electrons = rng.poisson(self._light.reshape(-1)[pixels] / optics.gain)
+        more = np.asarray(optics.gain * electrons, dtype=np.float64)
+        add(image, self._light, pixels, more, *ground.counted)
         return image
 
     def _spots(self, lights: Lights) -> Array:

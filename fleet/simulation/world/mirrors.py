@@ -21,7 +21,7 @@ class Apparent:
     source: Index
     mirror: Index
 
-    def only(self, which: Mask) -> "Apparent":
+    def only(self, which: Mask | Index) -> "Apparent":
         return Apparent(self.p[which], self.normal[which], self.source[which], self.mirror[which])
 
 

@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.simulation.world.chances import stream
-from tagmap.conventions import Index
+from fleet.simulation.world.grains import FULL_SCALE
 
 FRAMES = 4
-FULL_SCALE = 255
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,14 +44,11 @@ class Shifted:
         made[h - d :, : w - r], made[h - d :, w - r :] = frame[:d, r:], frame[:d, :r]
         return made
 
-    def at(self, pixels: Index) -> npt.NDArray[np.float32]:
-        """What was counted, before rounding, in pixels (n,) of the flat image."""
-        _, h, w = self.noise.counted.shape
-        row, column = np.divmod(pixels, w)
-        found: npt.NDArray[np.float32] = self.noise.counted[
-            self.frame, (row + self.down) % h, (column + self.right) % w
-        ]
-        return found
+    @property
+    def counted(self) -> tuple[npt.NDArray[np.float32], int, int]:
+        """What was counted before rounding (height, width), and which of its pixels is at the
+        origin."""
+        return self.noise.counted[self.frame], self.down, self.right
 
 
 @lru_cache(maxsize=4)

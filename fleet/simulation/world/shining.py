@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.simulation.scenario.physics import Led, Optics
+from fleet.simulation.world.boxes import Boxes
 from fleet.simulation.world.imager import Lights
 from fleet.simulation.world.mirrors import DIRECT, Apparent, apparent, shown
 from fleet.simulation.world.surroundings import Surroundings
@@ -53,24 +54,27 @@ def lights(
     optics: Optics,
 ) -> Lights:
     """All that shines into the camera at `t_ns`, the middle of the exposure."""
-    spots, flux = _spots(eye, view, around, robot, t_ns, led, optics)
-    start = in_image(eye, view.start, spots.p)[0]
+    moving = around.moving(t_ns, robot)
+    spots, px, cosine = _spots(eye, view.middle, around, moving, t_ns)
+    flux = flux_of(led, optics, spots.p, cosine, view.middle) * _kept(spots, around)
+    start = px if view.start is view.middle else in_image(eye, view.start, spots.p)[0]
     end = start if view.end is view.start else in_image(eye, view.end, spots.p)[0]
-    return Lights(start, end, flux, _discs(eye, view.middle, around, robot, t_ns))
+    return Lights(start, end, flux, _discs(eye, view.middle, around, moving))
 
 
 def _spots(
-    eye: Eye, view: View, around: Surroundings, robot: str, t_ns: int, led: Led, optics: Optics
-) -> tuple[Apparent, Array]:
+    eye: Eye, T_map_cam: Array, around: Surroundings, moving: Boxes, t_ns: int
+) -> tuple[Apparent, Array, Array]:
+    """LEDs that are seen, their pixels (K, 2), and the cosine (K,) from their axis."""
     now = around.tags.at(t_ns)
     seen = apparent(now.p, now.normal, around.mirrors)
-    origin = view.middle[:3, 3]
+    origin = T_map_cam[:3, 3]
+    px, inside = in_image(eye, T_map_cam, seen.p)
     cosine = _towards(seen, origin)
-    may = in_image(eye, view.middle, seen.p)[1] & now.open[seen.source] & (cosine > GRAZING)
-    seen, cosine = seen.only(may), cosine[may]
-    clear = shown(origin, seen, now.p, around.mirrors, around.sight, around.moving(t_ns, robot))
-    seen, cosine = seen.only(clear), cosine[clear]
-    return seen, flux_of(led, optics, seen.p, cosine, view.middle) * _kept(seen, around)
+    may = np.flatnonzero(inside & now.open[seen.source] & (cosine > GRAZING))
+    clear = shown(origin, seen.only(may), now.p, around.mirrors, around.sight, moving)
+    index = may[clear]
+    return seen.only(index), px[index], cosine[index]
 
 
 def flux_of(led: Led, optics: Optics, p: Array, cosine: Array, T_map_cam: Array) -> Array:
@@ -109,17 +113,17 @@ def _kept(seen: Apparent, around: Surroundings) -> Array:
     return kept[seen.mirror - DIRECT]
 
 
-def _discs(eye: Eye, T_map_cam: Array, around: Surroundings, robot: str, t_ns: int) -> Array:
+def _discs(eye: Eye, T_map_cam: Array, around: Surroundings, moving: Boxes) -> Array:
     """(L, 4) of u, v, radius in px, level."""
     lamps = around.lamps
     if not len(lamps.p):
         return np.zeros((0, 4))
     seen = apparent(lamps.p, np.zeros_like(lamps.p), around.mirrors)
-    seen = seen.only(in_image(eye, T_map_cam, seen.p)[1])
+    px, inside = in_image(eye, T_map_cam, seen.p)
+    may = np.flatnonzero(inside)
     origin = T_map_cam[:3, 3]
-    clear = shown(origin, seen, lamps.p, around.mirrors, around.sight, around.moving(t_ns, robot))
-    seen = seen.only(clear)
-    px, _ = in_image(eye, T_map_cam, seen.p)
+    clear = shown(origin, seen.only(may), lamps.p, around.mirrors, around.sight, moving)
+    seen, px = seen.only(may[clear]), px[may[clear]]
     depth = (seen.p - origin) @ T_map_cam[:3, 2]
     radius = eye.camera.fx_px * lamps.radius_m[seen.source] / np.maximum(depth, 1e-6)
     level = lamps.level[seen.source] * _kept(seen, around)

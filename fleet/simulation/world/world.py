@@ -1,6 +1,6 @@
 """The world as a whole: the scene that devices hear and light, and the robots in it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fleet.simulation.scenario.description import Scenario
 from fleet.simulation.scene.scene import Scene
@@ -23,17 +23,27 @@ class World:
     robots: dict[str, WorldRobot]
     around: Surroundings
     survey: dict[str, Array]
+    _events: int = -1
+    _stands: dict[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def advance(self, t_ns: int) -> None:
-        """Tags hang and answer as they do at `t_ns`; readers are where their robots are."""
-        now, history = self.around.tags.at(t_ns), self.around.tags
+        """Tags hang and answer as they do at `t_ns`; readers are where their robots are. What is as
+        it was is left alone: robots mostly stand, and are looked at many times a second."""
         with self.scene.lock:
-            rows = zip(history.names, now.p.tolist(), now.alive.tolist(), strict=True)
-            for name, (x, y, z), alive in rows:
-                tag = self.scene.tag(name)
-                tag.p_map, tag.faults.dead = (x, y, z), not alive
+            if (events := self.around.tags.number(t_ns)) != self._events:
+                self._events = events
+                self._hang(t_ns)
             for name, robot in self.robots.items():
-                self.scene.move(name, _place(robot.T_map_cam(t_ns)))
+                if (stands := robot.hidden.motion.at(t_ns)) != self._stands.get(name):
+                    self._stands[name] = stands
+                    self.scene.move(name, _place(robot.T_map_cam(t_ns)))
+
+    def _hang(self, t_ns: int) -> None:
+        now, history = self.around.tags.at(t_ns), self.around.tags
+        rows = zip(history.names, now.p.tolist(), now.alive.tolist(), strict=True)
+        for name, (x, y, z), alive in rows:
+            tag = self.scene.tag(name)
+            tag.p_map, tag.faults.dead = (x, y, z), not alive
 
     def tags(self, t_ns: int) -> dict[str, Array]:
         """The true places (3,) of all tags that hang at `t_ns`, by name; copies are `<epc>-<n>`."""
