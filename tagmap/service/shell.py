@@ -255,11 +255,18 @@ class Service:
 
     def _turn_away(self, event: Any) -> None:
         if isinstance(event, Query):
-            event.reply_error("the service cannot write its database; see its log")
+            self._cannot_answer(event)
         elif isinstance(event, Solved):
             self.solving.fail(Failed("the database cannot be written"))
         elif not isinstance(event, JobAnswer):
             self._handle(event)
+
+    def _cannot_answer(self, query: Query) -> None:
+        """Who asks how far it is settled would take an error for having nothing."""
+        if query.key.endswith("/ack"):
+            query.drop()
+        else:
+            query.reply_error("the service cannot write its database; see its log")
 
     def _keep_router(self) -> None:
         now_s = self.clock.monotonic_s()

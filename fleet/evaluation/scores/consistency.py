@@ -22,6 +22,7 @@ from tagmap.geometry import se3
 from tagmap.geometry.alignment import align
 from tagmap.service.facts import Facts
 
+LEAST_TAGS = 4
 FIXED = 6
 """Degrees of freedom of a frame that floats."""
 
@@ -44,29 +45,30 @@ def judge_consistency(evidence: Evidence) -> Consistency:
         facts.refresh(store)
         sessions, surveys = facts.everything(store), facts.surveyed()
     try:
-        settled = settle(stack(sessions, surveys), Options())
-        if settled.marginals is None or not len(settled.tags):
-            return NOTHING
-        return _judged(evidence, settled)
+        return Consistency(
+            _of_tags(evidence, settle(stack(sessions, surveys), Options())),
+            _of_poses(evidence, settle(stack(sessions, []), Options())),
+        )
     except (np.linalg.LinAlgError, ArithmeticError, TagmapError):
         return NOTHING
 
 
-def _judged(evidence: Evidence, settled: Settled) -> Consistency:
+def _frame(evidence: Evidence, settled: Settled) -> tuple[Array, Array]:
+    """T_map_true (4, 4), and the errors of all tags (N, 3) in it."""
     names = [settled.stacked.tags[k] for k in settled.tags]
     p = settled.optimum.state.p
     p_true = np.array([evidence.places(name, evidence.world.start_ns)[0] for name in names])
-    anchored = settled.start.anchored
-    fit = align(p_true, p)
-    T_map_true = np.eye(4) if anchored or not fit.determined else fit.T_b_a
-    error = (p - se3.act(T_map_true, p_true)).ravel()
-    assert settled.marginals is not None
-    cov = settled.marginals.joint(np.arange(len(p)))
-    rank = len(error) - (0 if anchored else FIXED)
-    return Consistency(
-        metrics.nees(_along_largest(error, cov, rank), rank),
-        _of_poses(evidence, settled, T_map_true),
-    )
+    T_map_true = np.eye(4) if settled.start.anchored else align(p_true, p).T_b_a
+    return T_map_true, p - se3.act(T_map_true, p_true)
+
+
+def _of_tags(evidence: Evidence, settled: Settled) -> metrics.Nees | None:
+    if settled.marginals is None or len(settled.tags) < LEAST_TAGS:
+        return None
+    _, error = _frame(evidence, settled)
+    rank = error.size - (0 if settled.start.anchored else FIXED)
+    cov = settled.marginals.joint(np.arange(len(error)))
+    return metrics.nees(_along_largest(error.ravel(), cov, rank), rank)
 
 
 def _along_largest(error: Array, cov: Array, rank: int) -> float:
@@ -76,8 +78,11 @@ def _along_largest(error: Array, cov: Array, rank: int) -> float:
     return float((along**2 / values[-rank:]).sum())
 
 
-def _of_poses(evidence: Evidence, settled: Settled, T_map_true: Array) -> metrics.Nees | None:
-    assert settled.marginals is not None
+def _of_poses(evidence: Evidence, settled: Settled) -> metrics.Nees | None:
+    """Relative to the tags: that a survey is off moves all poses alike, and shows in the tags."""
+    if settled.marginals is None or len(settled.tags) < LEAST_TAGS:
+        return None
+    T_map_true, _ = _frame(evidence, settled)
     stacked, T = settled.stacked, settled.optimum.state.T
     chosen: list[int] = []
     delta: list[Array] = []

@@ -23,6 +23,7 @@ from tagmap.records.arrays import transform
 
 REACH_M = 0.016
 """As measured at some metres: a beam lights a tag for certain that it passes so near."""
+PER_STEP = 0.3
 BEARING_RAD, ELEVATION_RAD = (-3.15, 3.15), (-0.5, 1.571)
 
 
@@ -65,7 +66,8 @@ def config_of(robot: WorldRobot, site: str, site_number: int) -> RobotConfig:
 def _wheels(robot: WorldRobot) -> Wheels:
     """As a test drive shows: random errors, and what systematic ones are left to be solved for."""
     odometry = robot.scenario.odometry
-    uneven_m = max(robot.scenario.building.uneven_m, 1e-4)
+    # Waves of some metres: from one step to the next height and slope change by about as much.
+    uneven = max(PER_STEP * robot.scenario.building.uneven_m, 2e-4)
     return Wheels(
         forward_share=_rss(odometry.noise_m, odometry.slips_per_m**0.5 * odometry.slip_m, 1e-3),
         lateral_share=_rss(0.5 * odometry.noise_m, 1e-3),
@@ -76,7 +78,7 @@ def _wheels(robot: WorldRobot) -> Wheels:
             odometry.slips_per_m**0.5 * odometry.slip_rad,
             1e-3,
         ),
-        out_of_plane=(max(uneven_m, 5e-4), max(uneven_m, 5e-4), max(uneven_m, 5e-4)),
+        out_of_plane=(uneven, uneven, uneven),
     )
 
 
