@@ -33,7 +33,7 @@ from tagmap.records.arrays import matrix, stereo_rig, transform, upper, vector
 if TYPE_CHECKING:
     from tagmap.estimation.solution import SessionEstimate, Solution
 
-FOLLOW_BUDGET = 128
+FOLLOW_BUDGET = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +90,13 @@ class Mapper:
         ends = {f"{s.robot}/{s.session}": _end(s) for s in solution.sessions if len(s.seqs)}
         for robot, live in self.live.robots.items():
             known = ends.get(f"{robot}/{live.hello.session}")
-            self.live.rebase(robot, known, self.book, edition.T_new_old)
+            self.live.rebase(robot, known, edition.T_new_old)
         return Adoption(edition.version, edition.tags, edition.changed, ends)
 
     @property
     def is_behind(self) -> bool:
         """Whether there is something to `follow`."""
-        return bool(self.live.behind)
+        return bool(self.live.behind or self.live.turning)
 
     def follow(self) -> dict[str, Pose]:
         """Let the live poses follow what was stored, for a bounded time; the new ones."""
@@ -121,7 +121,7 @@ class Mapper:
     def moments(self, robot: str) -> list[Moment]:
         """Poses since the last solved keyframe."""
         live = self.live.robots.get(robot)
-        return [] if live is None else list(live.moments)
+        return [] if live is None else list(live.trail.moments())
 
     def localize(self, request: LocalizeRequest) -> LocalizeReply:
         """One pose from tags seen from one place; RecordRefused when it cannot be asked for."""

@@ -82,6 +82,11 @@ def log(T: Array) -> Array:
 
 def inverse(T: Array) -> Array:
     """T_b_a of T_a_b."""
+    if T.ndim == 2:
+        single = np.eye(4)
+        single[:3, :3] = T[:3, :3].T
+        single[:3, 3] = -(T[:3, 3] @ T[:3, :3])
+        return single
     R_transposed = np.swapaxes(T[..., :3, :3], -1, -2)
     return from_p_R(-(R_transposed @ T[..., :3, 3, None])[..., 0], R_transposed)
 

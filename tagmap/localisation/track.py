@@ -154,8 +154,12 @@ class Track:
         if odom is None:
             self.interrupt()
             return
-        T_step, dof = matrix(odom.T_prev_cur), POSE_DOF[self._sensor.kind]
-        cov_step, Ad = unpack_upper(np.array(odom.cov), dof), np.empty((dof, dof))
+        cov_step = unpack_upper(np.array(odom.cov), POSE_DOF[self._sensor.kind])
+        self.move_by(matrix(odom.T_prev_cur), cov_step)
+
+    def move_by(self, T_step: Array, cov_step: Array) -> None:
+        """By one step or several; cov_step (dof, dof) in the frame of its end."""
+        Ad = np.empty_like(cov_step)
         carrying.adjoint_of_inverse(T_step, Ad)
         self._T_odom_base = self._T_odom_base @ T_step
         if self._belief is not None:

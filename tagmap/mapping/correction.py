@@ -8,14 +8,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-import msgspec
 import numpy as np
 
-from tagmap.conventions import Array, Form
+from tagmap.conventions import TAG_DOF, Array, Form, Kind
 from tagmap.geometry.stereo import StereoRig
 from tagmap.localisation.scene import Sensor, lie
-from tagmap.records import Hello, Keyframe, Odometry
-from tagmap.records.arrays import matrix, stereo_rig, transform
+from tagmap.records import Hello, Keyframe
+from tagmap.records.arrays import matrix, stereo_rig
 
 CAMERA = ("camera_x_m", "camera_y_m", "camera_z_m", "camera_x_rad", "camera_y_rad", "camera_z_rad")
 PLANAR_CAMERA = ("camera_x_m", "camera_y_m", "camera_z_rad")
@@ -53,38 +52,30 @@ class Correction:
                 scale[form] = scale.get(form, 1.0) * self.values[name]  # type: ignore[index, call-overload]
         return Sensor(hello.kind, rig, scale)
 
-    def keyframe(self, keyframe: Keyframe) -> Keyframe:
-        """With the camera and the step as they are by what was found."""
+    def camera(self, keyframe: Keyframe) -> Array:
+        """T_base_cam (D, D)."""
+        T = matrix(keyframe.T_base_cam)
         if not self.values:
-            return keyframe
-        T_base_cam, odom = self._camera(keyframe), keyframe.odom
-        if odom is not None:
-            odom = self._step(keyframe.kind, odom)
-        return msgspec.structs.replace(keyframe, T_base_cam=transform(T_base_cam), odom=odom)
+            return T
+        names = CAMERA if keyframe.kind == "spatial" else PLANAR_CAMERA
+        off = np.array([self.values.get(name, 0.0) for name in names])
+        turned: Array = T @ lie(keyframe.kind).exp(off)
+        return turned
+
+    def steps(self, kind: Kind, T_steps: Array) -> Array:
+        """T_prev_cur (n, D, D): lengths and turns are measured too long by these factors."""
+        way, turn = self.values.get("odometry_scale", 1.0), self.values.get("wheel_base", 1.0)
+        if way == turn == 1.0:
+            return T_steps
+        group, d = lie(kind), TAG_DOF[kind]
+        xi = group.log(T_steps)
+        scaled: Array = group.exp(np.concatenate([xi[:, :d] / way, xi[:, d:] / turn], axis=1))
+        return scaled
 
     def _rig(self, rig: StereoRig) -> StereoRig:
         """Disparities come out as long as they were measured."""
         disparity_px = self.values.get("disparity_px", 0.0)
         return replace(rig, right=replace(rig.right, cx_px=rig.right.cx_px - disparity_px))
-
-    def _camera(self, keyframe: Keyframe) -> Array:
-        names = CAMERA if keyframe.kind == "spatial" else PLANAR_CAMERA
-        off = np.array([self.values.get(name, 0.0) for name in names])
-        T: Array = matrix(keyframe.T_base_cam) @ lie(keyframe.kind).exp(off)
-        return T
-
-    def _step(self, kind: str, odom: Odometry) -> Odometry:
-        """Lengths and turns are measured too long by these factors."""
-        way, turn = self.values.get("odometry_scale", 1.0), self.values.get("wheel_base", 1.0)
-        if way == turn == 1.0:
-            return odom
-        group = lie("spatial" if kind == "spatial" else "planar")
-        xi = group.log(matrix(odom.T_prev_cur))
-        d = 3 if kind == "spatial" else 2
-        return Odometry(
-            T_prev_cur=transform(group.exp(np.concatenate([xi[:d] / way, xi[d:] / turn]))),
-            cov=odom.cov,
-        )
 
 
 AS_STATED = Correction()

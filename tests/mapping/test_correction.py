@@ -70,11 +70,12 @@ def test_camera_and_steps_as_they_are():
         sightings=(),
     )
     values = {"odometry_scale": 1.02, "wheel_base": 0.97, "camera_x_m": 0.01, "camera_z_rad": 0.1}
-    right = Correction(values).keyframe(keyframe)
-    assert matrix(right.odom.T_prev_cur) == pytest.approx(T_true, abs=1e-12)
+    right, steps = Correction(values), np.array([matrix(odom.T_prev_cur)] * 2)
+    assert right.steps("spatial", steps) == pytest.approx(np.array([T_true] * 2), abs=1e-12)
     off = se3.exp(np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.1]))
-    assert matrix(right.T_base_cam) == pytest.approx(matrix(keyframe.T_base_cam) @ off, abs=1e-12)
-    assert AS_STATED.keyframe(keyframe) is keyframe
+    assert right.camera(keyframe) == pytest.approx(matrix(keyframe.T_base_cam) @ off, abs=1e-12)
+    assert AS_STATED.steps("spatial", steps) is steps
+    assert AS_STATED.camera(keyframe) == pytest.approx(matrix(keyframe.T_base_cam))
 
 
 def test_each_robot_has_its_own():

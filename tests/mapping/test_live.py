@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from tagmap.estimation.solution import CalibrationEstimate
 from tagmap.geometry import se2
 from tagmap.mapper import Mapper
-from tagmap.mapping import live
+from tagmap.mapping import live, trail
 from tagmap.mapping.draft import Arrival
+from tagmap.records.arrays import matrix
 from tests.mapping.messages import SESSION, encode, hello
 from tests.mapping.world import T_map_base, drive, solution
 
@@ -127,8 +129,97 @@ def test_following_is_done_in_portions():
 def test_a_failing_track_is_lost_and_lives_on(monkeypatch):
     mapper = mapped()
     feed(mapper, hello(), drive(1))
-    step = live.Track.step
-    monkeypatch.setattr(live.Track, "step", lambda *_: 1 / 0)
+    see = live.Track.see
+    monkeypatch.setattr(live.Track, "see", lambda *_: 1 / 0)
     assert feed(mapper, drive(2)).state == "lost"
-    monkeypatch.setattr(live.Track, "step", step)
+    monkeypatch.setattr(live.Track, "see", see)
     assert_at(feed(mapper, drive(3)), T_map_base(3), 3)
+
+
+BLIND = ()
+
+
+def test_a_new_map_goes_a_long_way_by_odometry_and_the_last_few_sightings():
+    mapper = mapped()
+    feed(mapper, hello(), *(drive(seq) for seq in range(1, 61)))
+    mapper.adopt(solution(through=5, T=MOVE), "more", 2)
+    assert_at(feed(mapper), MOVE @ T_map_base(60), 60)
+    moments = mapper.moments("r1")
+    assert [m.t_ns for m in moments] == [1_000_000_000 + s * 100_000_000 for s in range(5, 61)]
+    for seq, moment in enumerate(moments, start=5):
+        np.testing.assert_allclose(moment.T_map_base, MOVE @ T_map_base(seq), atol=1e-6)
+    sigmas = [moment.cov[0] for moment in moments]
+    assert sigmas[1:44] == sorted(sigmas[1:44])
+    assert sigmas[-1] < sigmas[43]
+
+
+def test_what_odometry_does_not_tell_ends_the_way_from_the_solved_pose():
+    mapper = mapped()
+    frames = [drive(seq, sees=BLIND) for seq in range(2, 41)]
+    feed(mapper, hello(), drive(1), *frames[:9], drive(11, site="elsewhere"), *frames[10:])
+    mapper.adopt(solution(through=5, T=MOVE), "more", 2)
+    assert feed(mapper).state == "lost"
+    assert_at(feed(mapper, drive(41)), MOVE @ T_map_base(41), 41)
+
+
+def test_robots_turn_to_a_new_map_one_after_the_other_and_nobody_waits_for_that():
+    mapper, robots = mapped(), [f"r{n}" for n in range(1, 9)]
+    first = [hello(robot=robot, number=n) for n, robot in enumerate(robots, start=1)]
+    feed(mapper, *first, *(drive(seq, robot=r) for r in robots for seq in range(1, 31)))
+    mapper.adopt(solution(T=MOVE), "moved", 2)
+    mapper.adopt(solution(T=MOVE @ MOVE), "moved again", 3)
+    mapper.step([Arrival(robot, encode(drive(31, robot=robot))) for robot in robots])
+    told = mapper.follow()
+    assert sorted(told) == robots
+    while mapper.is_behind:
+        told |= mapper.follow()
+    for robot in robots:
+        assert_at(told[robot], MOVE @ MOVE @ T_map_base(31), 31)
+        assert told[robot].map_version == 3
+
+
+def test_until_its_turn_a_robot_is_where_the_map_before_says(monkeypatch):
+    mapper = mapped()
+    feed(mapper, hello(), drive(1))
+    mapper.adopt(solution(T=MOVE), "moved", 2)
+    monkeypatch.setattr("tagmap.mapper.FOLLOW_BUDGET", 1)
+    mapper.step([Arrival("r1", encode(drive(2)))])
+    assert_at(mapper.follow()["r1"], T_map_base(2), 2)
+    assert mapper.pose("r1").map_version == 1
+    assert mapper.is_behind
+    assert_at(mapper.follow()["r1"], MOVE @ T_map_base(2), 2)
+    assert mapper.pose("r1").map_version == 2
+
+
+def test_steps_are_as_the_newest_map_corrects_them():
+    """Odometry that says a tenth too little; the frame that it drifts in is as the robot has it."""
+    mapper = mapped()
+    feed(mapper, hello(), drive(1), *(drive(seq, sees=BLIND) for seq in range(2, 31)))
+    short = CalibrationEstimate("odometry_scale", "r1", 0.9, 0.01, 0.1)
+    mapper.adopt(solution(through=1, calibration=(short,)), "more", 2)
+    pose = feed(mapper)
+    assert_at(pose, se2.from_p_theta(np.array([2.9 / 0.9, 0.0]), 0.0), 30)
+    T_odom_map = se2.inverse(matrix(pose.T_map_odom))
+    np.testing.assert_allclose(T_odom_map @ matrix(pose.T_map_base), T_map_base(30), atol=1e-6)
+
+
+def test_a_new_map_does_not_move_where_the_odometry_began():
+    mapper = mapped()
+    feed(mapper, hello(), drive(1), *(drive(seq, sees=BLIND) for seq in range(2, 31)))
+    mapper.adopt(solution(through=20, T=MOVE), "more", 2)
+    pose = feed(mapper)
+    np.testing.assert_allclose(matrix(pose.T_map_odom), MOVE @ T_map_base(1), atol=1e-6)
+
+
+def test_a_trail_forgets_its_oldest_part(monkeypatch):
+    monkeypatch.setattr(trail, "MOST", 256)
+    mapper = mapped()
+    feed(mapper, hello())
+    for seq in range(1, 401, 10):
+        feed(mapper, *(drive(one) for one in range(seq, seq + 10)))
+    moments = mapper.moments("r1")
+    assert 192 <= len(moments) <= 257
+    seqs = np.array([(m.t_ns - 1_000_000_000) // 100_000_000 for m in moments])
+    assert seqs[-1] == 400
+    assert set(np.diff(seqs)) == {1}
+    np.testing.assert_allclose(moments[0].T_map_base, T_map_base(seqs[0]), atol=1e-6)

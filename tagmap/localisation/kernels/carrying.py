@@ -47,3 +47,19 @@ def carry(T_step: Array, Ad: Array, cov_step: Array, T: Array, cov: Array) -> No
         for i in range(dof):
             for j in range(dof):
                 cov[n, i, j] += cov_step[i, j]
+
+
+@compiled
+def compose(T_steps: Array, cov_steps: Array, T: Array, cov: Array) -> None:
+    """T (D, D) and cov (dof, dof) of all steps (n, ..) one after the other."""
+    D, dof = len(T), len(cov)
+    for i in range(D):
+        for j in range(D):
+            T[i, j] = 1.0 if i == j else 0.0
+    for i in range(dof):
+        for j in range(dof):
+            cov[i, j] = 0.0
+    Ad, one_T, one_cov = np.empty((dof, dof)), T.reshape(1, D, D), cov.reshape(1, dof, dof)
+    for n in range(len(T_steps)):
+        adjoint_of_inverse(T_steps[n], Ad)
+        carry(T_steps[n], Ad, cov_steps[n], one_T, one_cov)
