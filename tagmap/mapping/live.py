@@ -66,7 +66,7 @@ class LiveRobot:
     next_seq     the next keyframe to follow; up to `reach` they are settled
     waiting      keyframes not followed yet, by seq
     broken       a keyframe was refused or forgotten: nothing is known of the motion to the next one
-    trail        keyframes followed since the last solved one; the track has gone `gone` of them
+    trail        keyframes followed since the last solved one
     T_odom_base  (D, D) where the odometry alone, as the robot states it, has the last of them
     """
 
@@ -77,7 +77,6 @@ class LiveRobot:
     T_odom_base: Array
     next_seq: int = 1
     reach: int = 0
-    gone: int = 0
     broken: bool = False
     waiting: dict[int, Keyframe] = field(default_factory=dict)
     pose: Pose | None = None
@@ -185,7 +184,6 @@ def _start_from(live: LiveRobot, known: Known) -> None:
         live.track.start_from(T_map_base, cov)
         before = Moment(live.hello.session, known.t_ns, T_map_base, np.array(known.cov))
     live.trail.start_from(known.seq, before)
-    live.gone = 0
     live.pose = _pose(live, known.t_ns)
 
 
@@ -223,7 +221,6 @@ def _turn(live: LiveRobot, turn: Turn, book: MapBook) -> float:
             live.next_seq = seq + 1
     if known is None or (len(trail) and trail.seq[0] > known.seq + 1):
         trail.forget()
-        live.gone = 0
         sensor = live.basis.correction.sensor(live.hello, book.scale)
         live.track.adopt(book.table, book.gauge == "anchored", turn.T_new_old, sensor)
         if live.pose is not None:
@@ -256,10 +253,10 @@ def _note(live: LiveRobot, keyframe: Keyframe) -> None:
 
 def _go(live: LiveRobot, until: int) -> None:
     """Move the track through the trail by odometry."""
-    T_steps, cov_steps, whole = live.trail.steps(live.gone, until)
-    if live.gone == until:
+    T_steps, cov_steps, whole = live.trail.steps(live.trail.gone, until)
+    if not len(T_steps):
         return
-    live.gone = until
+    live.trail.gone = until
     try:
         T_steps = live.basis.correction.steps(live.hello.kind, T_steps)
         T, cov = T_steps[0], cov_steps[0]

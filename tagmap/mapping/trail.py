@@ -24,14 +24,14 @@ class Trail:
 
     seq, t_ns (n,); T_step (n, D, D) and cov_step (n, dof, dof) to each from the one before it, as
     the robot states them; whole (n,): False where nothing is known of that step.
-    newest: the last few keyframes themselves.
+    newest: the last few keyframes themselves. gone: how many of them a track has gone along.
     """
 
     def __init__(self, session: str, kind: Kind, newest: int) -> None:
         self.newest: deque[Keyframe] = deque(maxlen=newest)
         self._session = session
         self._D, self._dof = TAG_DOF[kind] + 1, POSE_DOF[kind]
-        self._n = 0
+        self._n = self.gone = 0
         self._before: Moment | None = None
         self._resize(FIRST)
 
@@ -68,12 +68,12 @@ class Trail:
         """Forget everything up to `seq`; `before`: the pose there. All others are as odometry says,
         until more is known."""
         self._forget(int(np.searchsorted(self.seq, seq, side="right")))
-        self._before = before
+        self._before, self.gone = before, 0
         self._state[: self._n] = _BY_ODOMETRY
 
     def forget(self) -> None:
         """All of it."""
-        self._n, self._before = 0, None
+        self._n, self.gone, self._before = 0, 0, None
         self.newest.clear()
 
     def steps(self, first: int, last: int) -> tuple[Array, Array, bool]:
@@ -117,7 +117,7 @@ class Trail:
         kept = self._n - count
         for column in self._columns():
             column[:kept] = column[count : self._n]
-        self._n = kept
+        self._n, self.gone = kept, max(0, self.gone - count)
 
     def _columns(self) -> tuple[npt.NDArray[Any], ...]:
         columns = (self._seq, self._t_ns, self._whole, self._state)
