@@ -61,7 +61,7 @@ def run_robot(setup: RobotSetup, report: Callable[[Summary], None]) -> None:
         robot = assemble(config, gear, atlas, identity.session, company, health, rng, opened)
         if robot.devices is not None:
             opened.enter_context(Watchdog(robot.devices.interlock))
-        source = SensorSource(introduction_of(config, gear.rig), identity.session)
+        source = SensorSource(introduction_of(config, gear.rig), identity.session, uplink.wake)
         shell = Shell(Courier(identity, source.introduction), source, outbox, uplink, diary)
         stop_by_signal(shell)
         if robot.devices is not None:

@@ -56,7 +56,7 @@ class Shell:
         self._start()
         busy = True
         while not self._stop.is_set() and not self._is_done():
-            busy = self._turn(0.0 if busy else TURN_S)
+            busy = self._turn(0.0 if busy else self._source.pause_s)
         if not self._stop.is_set():
             self._hear_last_words()
 

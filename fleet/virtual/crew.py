@@ -123,7 +123,9 @@ class Crew:
         robot = assemble(
             self._config, gear, atlas, identity.session, company, health, rng, ExitStack()
         )
-        source = SensorSource(introduction_of(self._config, gear.rig), identity.session)
+        source = SensorSource(
+            introduction_of(self._config, gear.rig), identity.session, uplink.wake
+        )
         self._process = _Process(port, robot, source, uplink)
         courier = Courier(identity, source.introduction)
         return Shell(courier, source, outbox, uplink, Diary(name), self._time.clock())

@@ -23,6 +23,12 @@ class Source(Protocol):
         ...
 
     @property
+    def pause_s(self) -> float:
+        """How long nobody need look for something new: a source that wakes whoever waits may say
+        more than one that has to be asked."""
+        ...
+
+    @property
     def exhausted(self) -> bool: ...
 
     def seek(self, position: int) -> None:

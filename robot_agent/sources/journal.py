@@ -28,6 +28,8 @@ class JournalSource:
         self._started: tuple[int, int] | None = None
         self.seek(0)
 
+    pause_s = 0.02
+
     @property
     def patient(self) -> bool:
         return self._speed is None

@@ -1,7 +1,7 @@
 """Observations of a robot that senses: its cycle hands them over, the shell takes them."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
 
 from robot_agent.sources import Source
@@ -10,11 +10,15 @@ from tagmap.records import Introduction, Observation
 
 class SensorSource(Source):
     """One session long: there is nothing to resume. `put` and `end` may be called from any
-    thread."""
+    thread; `wake` ends the waiting of whoever takes."""
 
     patient = False
+    pause_s = 0.25
 
-    def __init__(self, introduction: Introduction, session: str) -> None:
+    def __init__(
+        self, introduction: Introduction, session: str, wake: Callable[[], None] = lambda: None
+    ) -> None:
+        self._wake = wake
         self._introduction = introduction
         self._session = session
         self._waiting: deque[Observation] = deque()
@@ -34,9 +38,11 @@ class SensorSource(Source):
 
     def put(self, observation: Observation) -> None:
         self._waiting.append(observation)
+        self._wake()
 
     def end(self) -> None:
         self._ended = True
+        self._wake()
 
     def seek(self, position: int) -> None:
         """A new session begins at its beginning."""
