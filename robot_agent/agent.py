@@ -20,6 +20,7 @@ from robot_agent.atlas.served import ServedMap
 from robot_agent.backoff import Backoff
 from robot_agent.cameras.camera import StereoPair
 from robot_agent.keyframes import Moment, Spacing, is_due
+from robot_agent.naming.belief import is_borne_out
 from robot_agent.naming.hunt import Hunt, Wishes
 from robot_agent.naming.named import Named
 from robot_agent.naming.sky import Sky
@@ -215,8 +216,10 @@ class Agent:
         at = self._onboard.of_camera(sky.T_base_cam)
         if at is None or not len(sky):
             return
-        found = gate(self._onboard.chart.catalogue, sky.p_cam, sky.wide, *at, self._field)
-        self._take(sky, found, "gate")
+        catalogue = self._onboard.chart.catalogue
+        found = gate(catalogue, sky.p_cam, sky.wide, *at, self._field)
+        if is_borne_out(sky, catalogue.chart.p, at[0], found.tag):
+            self._take(sky, found, "gate")
 
     def _recognise(self, sky: Sky) -> None:
         """Names by the constellation, where the robot does not know where it is."""

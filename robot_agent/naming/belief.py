@@ -1,0 +1,35 @@
+"""Whether what is seen is what a pose lets expect: a robot may have been carried away.
+
+A gate asks each spot by itself whether a tag hangs there. Where the pose is wrong, one spot may by
+chance be where a tag is expected, and take its name; two at once hardly ever are. And where the
+pose is right, tags that hang near and in view are seen, but for what hides them.
+"""
+
+import numpy as np
+
+from robot_agent.naming.sky import Sky
+from tagmap.conventions import Array, Index
+from tagmap.geometry import se3, stereo
+
+LEAST = 2
+NEAR_M = 5.0
+MARGIN_PX = 20.0
+SHARE = 0.5
+
+
+def is_borne_out(sky: Sky, p_map: Array, T_map_cam: Array, named: Index) -> bool:
+    """`named` (N,): row of p_map (M, 3) that each target of `sky` would be, -1: none."""
+    agreeing = int((named >= 0).sum())
+    return agreeing >= max(LEAST, SHARE * expected(sky, p_map, T_map_cam))
+
+
+def expected(sky: Sky, p_map: Array, T_map_cam: Array) -> int:
+    """How many tags hang near, and well inside both images."""
+    p_cam = se3.act(se3.inverse(T_map_cam), p_map)
+    px, _ = stereo.project(sky.rig, p_cam)
+    left, right = sky.rig.left, sky.rig.right
+    size = np.array([left.width_px, left.height_px, right.width_px, right.height_px])
+    with np.errstate(invalid="ignore"):
+        inside = ((px >= MARGIN_PX) & (px <= size - 1.0 - MARGIN_PX)).all(axis=-1)
+    near = np.linalg.norm(p_cam, axis=-1) <= NEAR_M
+    return int((inside & near).sum())
