@@ -24,6 +24,8 @@ from tagmap.records.arrays import transform
 REACH_M = 0.016
 """As measured at some metres: a beam lights a tag for certain that it passes so near."""
 PER_STEP = 0.3
+LOWEST_M = 0.3
+"""So far below the ceiling its tags hang at most."""
 BEARING_RAD, ELEVATION_RAD = (-3.15, 3.15), (-0.5, 1.571)
 
 
@@ -58,9 +60,21 @@ def config_of(robot: WorldRobot, site: str, site_number: int) -> RobotConfig:
             **{name: getattr(sigmas, name) for name in CalibrationTable.__struct_fields__}
         ),
         agent=AgentTable(
-            spots=SpotsTable(gain=physics.optics.gain), shots=ShotsTable(reach_m=REACH_M)
+            spots=SpotsTable(gain=physics.optics.gain),
+            shots=ShotsTable(reach_m=REACH_M, threshold_m=_sure_m(robot)),
         ),
     )
+
+
+def _sure_m(robot: WorldRobot) -> float:
+    """From how far away tags under the ceiling take light for certain: from farther away it comes
+    in too aslant. Of a building whose height is not written down, the default."""
+    heights = [room.size_m[2] for room in robot.scenario.rooms()]
+    if not heights:
+        return ShotsTable().threshold_m
+    up_m = min(heights) - LOWEST_M - robot.table.camera_p_m[2]
+    aslant = math.cos(math.radians(robot.scenario.laser.acceptance_deg))
+    return round(max(up_m, 0.5) / max(aslant, 0.02), 1)
 
 
 def _wheels(robot: WorldRobot) -> Wheels:
