@@ -10,7 +10,7 @@ from fleet.replay.recording import Recording, write_journals
 from fleet.running.final_map import solve_finally
 from fleet.running.progress import Progress
 from fleet.running.results import Results, read_results
-from fleet.running.supervisor import PAUSE_S, Agent, SitePlan, Supervisor
+from fleet.running.supervisor import PAUSE_S, SitePlan, Supervisor, playing
 from tagmap.errors import DataError, StoreError
 from tagmap.store import Counts, SiteStore
 
@@ -42,7 +42,7 @@ def run_recording(
     began_s = time.monotonic()
     folder = folder.absolute()  # the programs run in it
     journals = write_journals(recording, folder)
-    agents = [Agent(r.robot, r.number, journals[r.robot], pace) for r in recording.robots]
+    agents = [playing(r.robot, r.number, journals[r.robot], pace) for r in recording.robots]
     plan = SitePlan(SITE, folder, db.absolute(), agents, survey and survey.absolute())
     total = sum(len(robot.observations) for robot in recording.robots)
     supervisor = Supervisor(plan, tell)

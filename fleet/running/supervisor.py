@@ -1,11 +1,13 @@
 """Keeps a site running until its agents are done, whatever is killed meanwhile."""
 
+import os
+import signal
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
@@ -19,27 +21,49 @@ ROUTER_TRIES = 20
 PAUSE_S = 0.25
 HOPELESS_S = 5.0
 HOPELESS_TIMES = 3
+ROUTER, SERVICE = "router", "service"
+ROBOT_AGENT = (sys.executable, "-m", "robot_agent.cli")
 
 
 @dataclass(frozen=True, slots=True)
 class Agent:
-    """A robot and the journal that it plays; `pace`: further arguments of its agent."""
+    """A robot's agent. `arguments`: of `robot-agent run`, but for what the plan says; `program`
+    runs it."""
 
     robot: str
-    number: int
-    journal: Path
-    pace: tuple[str, ...] = ()
+    arguments: tuple[str, ...]
+    program: tuple[str, ...] = ROBOT_AGENT
+
+
+def playing(robot: str, number: int, journal: Path, pace: tuple[str, ...] = ()) -> Agent:
+    """One that plays a journal; `pace`: further arguments."""
+    told = ("--source", str(journal), "--robot", robot, "--number", str(number), *pace)
+    return Agent(robot, told)
+
+
+def free_endpoint() -> str:
+    """On loopback, where nobody listens yet."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @dataclass(frozen=True, slots=True)
 class SitePlan:
-    """What to run. `folder` takes logs and outboxes; `survey`: CSV for the service."""
+    """What to run. `folder` takes logs and outboxes; `survey`: CSV for the service; `serve`: more
+    arguments of it. The router is at `endpoint`; who is in `via` goes by way of another one."""
 
     site: str
     folder: Path
     db: Path
     agents: list[Agent]
     survey: Path | None = None
+    serve: tuple[str, ...] = ()
+    endpoint: str = field(default_factory=free_endpoint)
+    via: Mapping[str, str] = field(default_factory=dict)
+
+    def endpoint_of(self, name: str) -> str:
+        return self.via.get(name, self.endpoint)
 
 
 class AgentSummary(msgspec.Struct, frozen=True):
@@ -56,17 +80,19 @@ class Supervisor:
     """`start`, then `tend` a few times a second until `finished`; `stop` in any case.
 
     Router and service are restarted when they die, agents when they are killed. Raises TagmapError
-    when a child fails by itself, with the child's own reason. `tell` gets a line per event.
+    when a child fails by itself, with the child's own reason. `tell` gets a line per event. Who is
+    who: ROUTER, SERVICE, or the name of a robot.
     """
 
     def __init__(self, plan: SitePlan, tell: Callable[[str], None]) -> None:
         self._plan = plan
         self._tell = tell
-        self.endpoint = f"tcp/127.0.0.1:{_free_port()}"
+        self.endpoint = plan.endpoint
         self._router = RouterProcess(listen=self.endpoint)
-        self._service = Child("service", self._service_command(), plan.folder)
+        self._service = Child(SERVICE, self._service_command(), plan.folder)
         self._agents = {a.robot: self._agent(a) for a in plan.agents}
         self._reaper = Reaper()
+        self._down_until_s: dict[str, float] = {}
         self._failures = 0
         self.restarts = 0
 
@@ -81,18 +107,44 @@ class Supervisor:
 
     def tend(self) -> None:
         """Look once at every process."""
-        if (status := self._router.poll()) is not None:
+        status = self._router.poll()
+        if status is not None and self._may_start(ROUTER):
             self._router.stop()
             self._start_router()
-            self._restarted("router", status, self._router.pid)
-        if (status := self._service.status) is not None:
+            self._restarted(ROUTER, status, self._router.pid)
+        status = self._service.status
+        if status is not None and self._may_start(SERVICE):
             self._restart_service(status)
         for name, agent in self._agents.items():
-            if (status := agent.status) is not None and status != 0:
-                if status > 0:
-                    raise TagmapError(f"agent {name} failed: {agent.last_words()}")
+            status = agent.status
+            if status is None or status == 0:
+                continue
+            if status > 0:
+                raise TagmapError(f"agent {name} failed: {agent.last_words()}")
+            if self._may_start(name):
                 self._start(agent)
                 self._restarted(f"agent {name}", status, agent.pid)
+
+    def kill(self, who: str, down_s: float) -> None:
+        """As kill -9; it is started again when it has been down for so long."""
+        self._down_until_s[who] = time.monotonic() + down_s
+        pid = self.pid(who)
+        if pid is not None:
+            os.kill(pid, signal.SIGKILL)
+
+    def pid(self, who: str) -> int | None:
+        """None when it does not run."""
+        if who == ROUTER:
+            return self._router.pid if self._router.poll() is None else None
+        child = self._service if who == SERVICE else self._agents[who]
+        return child.pid if child.status is None else None
+
+    def give_up(self) -> list[str]:
+        """Have agents end that have not; they say what was not settled. Their names."""
+        left = [name for name, agent in self._agents.items() if agent.status != 0]
+        for name in left:
+            self._agents[name].stop()
+        return left
 
     @property
     def finished(self) -> bool:
@@ -100,10 +152,11 @@ class Supervisor:
         return all(agent.status == 0 for agent in self._agents.values())
 
     def summaries(self) -> list[AgentSummary]:
-        """Of finished agents, in the order of the plan."""
+        """Of agents that have ended in order, in the order of the plan."""
         return [
             msgspec.json.decode(agent.out.read_bytes(), type=AgentSummary)
             for agent in self._agents.values()
+            if agent.status == 0
         ]
 
     def stop(self) -> None:
@@ -116,21 +169,23 @@ class Supervisor:
     def _service_command(self) -> list[str]:
         plan = self._plan
         survey = ["--survey", str(plan.survey)] if plan.survey else []
-        where = ["--connect", self.endpoint, "--site", plan.site]
-        return [sys.executable, "-m", "tagmap.cli", "serve", *where, "--db", str(plan.db), *survey]
+        where = ["--connect", plan.endpoint_of(SERVICE), "--site", plan.site]
+        command = [sys.executable, "-m", "tagmap.cli", "serve", *where, "--db", str(plan.db)]
+        return [*command, *survey, *plan.serve]
 
     def _agent(self, agent: Agent) -> Child:
+        plan = self._plan
         arguments = {
-            "--source": str(agent.journal),
-            "--robot": agent.robot,
-            "--number": str(agent.number),
-            "--site": self._plan.site,
-            "--connect": self.endpoint,
-            "--outbox": str(self._plan.folder / f"{agent.robot}.outbox.db"),
+            "--site": plan.site,
+            "--connect": plan.endpoint_of(agent.robot),
+            "--outbox": str(plan.folder / f"{agent.robot}.outbox.db"),
         }
         flat = [word for pair in arguments.items() for word in pair]
-        command = [sys.executable, "-m", "robot_agent.cli", "run", *flat, *agent.pace, "--json"]
-        return Child(f"agent-{agent.robot}", command, self._plan.folder)
+        command = [*agent.program, "run", *agent.arguments, *flat, "--json"]
+        return Child(f"agent-{agent.robot}", command, plan.folder)
+
+    def _may_start(self, who: str) -> bool:
+        return time.monotonic() >= self._down_until_s.get(who, 0.0)
 
     def _start(self, child: Child) -> None:
         if child.pid is not None:
@@ -154,14 +209,8 @@ class Supervisor:
         if self._failures >= HOPELESS_TIMES:
             raise TagmapError(f"service failed: {self._service.last_words()}")
         self._start(self._service)
-        self._restarted("service", status, self._service.pid)
+        self._restarted(SERVICE, status, self._service.pid)
 
     def _restarted(self, what: str, status: int, pid: int | None) -> None:
         self.restarts += 1
         self._tell(f"{what} ended with status {status}, started again pid={pid}")
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

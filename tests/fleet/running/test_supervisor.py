@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from fleet.running.supervisor import Agent, SitePlan, Supervisor
+from fleet.running.supervisor import ROUTER, SERVICE, SitePlan, Supervisor, playing
 from tagmap.errors import TagmapError
 
 SLEEP = "import time; time.sleep(60)"
-SAY_DONE = """print('{"robot": "r1", "keyframes": 3, "settled": 3, "refused": 0, "pending": 0}')"""
+SUMMARY = '{"robot": "r1", "keyframes": 3, "settled": 3, "refused": 0, "pending": 0}'
+SAY_DONE = f"print({SUMMARY!r})"
 
 
 @pytest.fixture
@@ -27,7 +28,8 @@ def supervise(tmp_path: Path, said: list[str]) -> Iterator[Callable[[str, str], 
     started: list[Supervisor] = []
 
     def start(service: str, agent: str) -> Supervisor:
-        plan = SitePlan("site", tmp_path, tmp_path / "site.db", [Agent("r1", 1, tmp_path / "j")])
+        agents = [playing("r1", 1, tmp_path / "j")]
+        plan = SitePlan("site", tmp_path, tmp_path / "site.db", agents)
         supervisor = Supervisor(plan, said.append)
         supervisor._service.command = [sys.executable, "-c", service]
         supervisor._agents["r1"].command = [sys.executable, "-c", agent]
@@ -72,6 +74,40 @@ def test_a_killed_agent_is_started_again(supervise, said: list[str]):
     os.kill(supervisor._agents["r1"].pid, signal.SIGKILL)
     tend_until(supervisor, lambda: supervisor.restarts == 1)
     assert "agent r1 ended with status -9" in said[-1]
+
+
+def test_who_is_killed_stays_down_for_as_long_as_was_said(supervise):
+    supervisor = supervise(SLEEP, SLEEP)
+    killed = {who: supervisor.pid(who) for who in (ROUTER, SERVICE, "r1")}
+    for who in killed:
+        supervisor.kill(who, 1e6)
+    tend_until(supervisor, lambda: all(supervisor.pid(who) is None for who in killed))
+    for _ in range(3):
+        supervisor.tend()
+    assert supervisor.restarts == 0
+    for who in killed:
+        supervisor.kill(who, 0.0)
+    tend_until(supervisor, lambda: supervisor.restarts == 3)
+    assert all(supervisor.pid(who) not in (None, pid) for who, pid in killed.items())
+
+
+def test_who_goes_another_way_is_told_so(tmp_path: Path):
+    plan = SitePlan(
+        "site", tmp_path, tmp_path / "db", [playing("r1", 1, tmp_path)], via={"r1": "tcp/far:1"}
+    )
+    supervisor = Supervisor(plan, lambda _: None)
+    assert "tcp/far:1" in supervisor._agents["r1"].command
+    assert plan.endpoint in supervisor._service.command
+
+
+def test_agents_that_do_not_end_are_given_up(supervise):
+    end = "import signal, sys; signal.signal(signal.SIGTERM, lambda *_: sys.exit(print(DONE)));"
+    supervisor = supervise(SLEEP, f"DONE = {SUMMARY!r}; {end} print(flush=True); {SLEEP}")
+    out = supervisor._agents["r1"].out
+    tend_until(supervisor, lambda: out.stat().st_size > 0)
+    assert supervisor.summaries() == []
+    assert supervisor.give_up() == ["r1"]
+    assert [one.pending for one in supervisor.summaries()] == [0]
 
 
 def test_a_service_that_cannot_start_is_an_error_with_its_reason(supervise):
