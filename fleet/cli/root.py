@@ -6,6 +6,7 @@ from fleet.cli.bench import bench
 from fleet.cli.demo import demo
 from fleet.cli.emulate import emulate
 from fleet.cli.emulate_galvo import galvo
+from fleet.cli.emulate_world import world
 from fleet.cli.replay import replay
 from fleet.cli.run import run
 from fleet.cli.thesis import thesis
@@ -18,6 +19,7 @@ def cli() -> None:
     """Simulated and recorded robots, run through the real programs and judged against truth."""
 
 
-emulate.add_command(galvo)
+for device in (galvo, world):
+    emulate.add_command(device)
 for command in (demo, run, replay, emulate, bench, thesis):
     cli.add_command(command)

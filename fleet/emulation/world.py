@@ -1,8 +1,8 @@
 """A whole scenario in true time: every robot's devices in one world, which goes on by itself."""
 
 import time
-from collections.abc import Collection
-from contextlib import ExitStack
+from collections.abc import Collection, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
 
@@ -10,10 +10,11 @@ from msgspec.structs import replace
 
 from fleet.emulation.robot.emulators import BAUD, RobotEmulators
 from fleet.emulation.robot.files import Site, make_folder, ports_before
+from fleet.emulation.robot.outage import Outage
 from fleet.simulation.scenario.description import Scenario
 from fleet.simulation.world.world import World
 from robot_agent.background import Background
-from tagmap.errors import ConfigError
+from tagmap.errors import ConfigError, LinkError
 from tagmap.records.replacing import replace_file
 
 TICK_S = 0.02
@@ -49,8 +50,10 @@ class WorldEmulators(Background):
         site: Site | None = None,
         names: Collection[str] = (),
         baud: int = BAUD,
+        outages: Sequence[Outage] = (),
     ) -> None:
-        self._world, self._folder = world, folder
+        """Raises ConfigError for a robot or a device that there is not."""
+        self._world, self._folder, self._outages = world, folder, outages
         self._opened = ExitStack()
         self.robots: dict[str, RobotEmulators] = {}
         for name in names or world.robots:
@@ -61,6 +64,10 @@ class WorldEmulators(Background):
             self.robots[name] = RobotEmulators(
                 world, world.robots[name], mine, site or Site(), ports_before(mine), baud
             )
+        for outage in outages:
+            robot = self.robots.get(outage.robot)
+            if robot is None or outage.device not in robot.outlets:
+                raise ConfigError(f"{outage.robot} has no {outage.device} here to be away")
         super().__init__("world", self._tick)
 
     @property
@@ -83,11 +90,25 @@ class WorldEmulators(Background):
         self._opened.close()
 
     def _tick(self) -> None:
+        began_ns = time.monotonic_ns()
         while not self._stopping.wait(TICK_S):
             now_ns = time.time_ns()
             self._world.advance(now_ns)
             for robot in self.robots.values():
                 robot.tick(now_ns)
+            self._switch(time.monotonic_ns() - began_ns)
+
+    def _switch(self, passed_ns: int) -> None:
+        """Off what is to be away, and on again what was."""
+        away = {(o.robot, o.device) for o in self._outages if o.is_on(passed_ns)}
+        for outage in self._outages:
+            robot = self.robots[outage.robot]
+            if (outage.robot, outage.device) in away:
+                robot.stop(outage.device)
+            else:
+                # Where somebody else has taken its address meanwhile, it comes back later.
+                with suppress(LinkError):
+                    robot.start(outage.device)
 
     def _write_survey(self) -> None:
         sigma_m = self._world.scenario.survey.sigma_m

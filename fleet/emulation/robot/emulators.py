@@ -73,6 +73,11 @@ class RobotEmulators:
     def config(self) -> Path:
         return self._folder / ROBOT
 
+    @property
+    def terminal(self) -> Path | None:
+        """The port of its pan-tilt unit."""
+        return None if self._head is None else self._folder / PAN_TILT
+
     def start(self, device: Device) -> None:
         """Raises LinkError where its address is taken."""
         self.outlets[device].start()
@@ -89,8 +94,7 @@ class RobotEmulators:
         """Raises ConfigError and LinkError: files that cannot be written, ports that are taken."""
         try:
             make_folder(self._folder)
-            # The first image takes long; nobody is to wait for it.
-            self._exposures.pairs(None, 0.0)
+            self._warm_up()
             for outlet in self.outlets.values():
                 outlet.start()
             write_files(self._folder, self._robot, self._site, self.ports, self._baud)
@@ -106,6 +110,12 @@ class RobotEmulators:
         _trace: TracebackType | None,
     ) -> None:
         self._stop()
+
+    def _warm_up(self) -> None:
+        """The first image and the first beam take long; nobody is to wait for them."""
+        self._exposures.pairs(None, 0.0)
+        middle = 1 << (self._beam.drive.dac_bits - 1)
+        self._beam.on(self._world.scene, (middle, middle))
 
     def _stop(self) -> None:
         for outlet in self.outlets.values():
@@ -134,7 +144,7 @@ class RobotEmulators:
 
     def _terminal(self) -> AbstractContextManager[object]:
         assert self._head is not None
-        return UnitTerminal(self._head, self._folder / PAN_TILT, baud=self._baud)
+        return UnitTerminal(self._head, self.terminal, baud=self._baud)
 
     def _new_galvo(self) -> EmulatedGalvo:
         return EmulatedGalvo(self._world.scene, self._beam, time.time_ns())

@@ -89,6 +89,24 @@ def test_turning_with_the_laser_on_lights_what_is_there(line):
     assert line.lit(4 * MS) == ["b"]
 
 
+def test_what_carries_the_laser_carries_the_light(line):
+    line.tell(Op.LIGHT, 2 * MS, time_us=50_000)
+    line.galvo.carried(START + 3 * MS)
+    assert line.scene.lit_since(line.scene.tag("a"), START + 4 * MS) == START + 2 * MS
+    line.scene.tag("a").p_map = (0.5, 0.2, 4.0)
+    line.galvo.carried(START + 5 * MS)
+    assert line.lit(6 * MS) == []
+    line.scene.tag("a").p_map = PLACES["a"]
+    line.galvo.carried(START + 50 * MS)
+    assert line.lit(51 * MS) == []
+
+
+def test_without_power_it_is_dark(line):
+    line.tell(Op.LIGHT, 2 * MS, time_us=50_000)
+    line.galvo.power_off(START + 3 * MS)
+    assert line.lit(4 * MS) == []
+
+
 def test_an_order_that_comes_late_is_over(line):
     answer = line.tell(Op.LIGHT, 60 * MS, time_us=50_000)
     assert (answer.refusal, answer.lit) == (Refusal.TOO_LATE, False)
