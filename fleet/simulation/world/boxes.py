@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.simulation.scenario.building import Obstacle
+from fleet.simulation.world.looking import block
 from tagmap.conventions import Array, Mask
 
 
@@ -19,26 +20,10 @@ class Boxes:
 
     def block(self, origin: Array, target: Array) -> Mask:
         """(K,) whether anything is between origins (K, 3) or (3,) and targets (K, 3)."""
-        if not len(self.heading):
-            return np.zeros(len(target), dtype=bool)
-        start = self._inside(np.broadcast_to(origin, target.shape))
-        way = self._inside(target) - start
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a, b = (-self.half - start) / way, (self.half - start) / way
-        # A line along a face: outside the slab it never meets it, inside it always does.
-        parallel, outside = way == 0.0, np.abs(start) > self.half
-        near = np.where(parallel, np.where(outside, np.inf, -np.inf), np.minimum(a, b)).max(-1)
-        far = np.where(parallel, np.where(outside, -np.inf, np.inf), np.maximum(a, b)).min(-1)
-        blocked: Mask = ((near <= far) & (far >= 0.0) & (near <= 1.0)).any(axis=-1)
+        blocked = np.zeros(len(target), dtype=bool)
+        start = np.ascontiguousarray(np.broadcast_to(origin, target.shape))
+        block(self.centre, self.half, self.heading, start, np.ascontiguousarray(target), blocked)
         return blocked
-
-    def _inside(self, p: Array) -> Array:
-        """Points (K, 3) in each box: (K, B, 3)."""
-        d = p[:, None] - self.centre
-        c, s = np.cos(self.heading), np.sin(self.heading)
-        return np.stack(
-            [c * d[..., 0] + s * d[..., 1], c * d[..., 1] - s * d[..., 0], d[..., 2]], -1
-        )
 
 
 def boxes(parts: Sequence[tuple[float, float, float, tuple[float, float, float], float]]) -> Boxes:
@@ -46,7 +31,7 @@ def boxes(parts: Sequence[tuple[float, float, float, tuple[float, float, float],
     if not parts:
         return Boxes(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     rows = np.array([[x, y, bottom + 0.5 * size[2], *size, h] for x, y, h, size, bottom in parts])
-    return Boxes(rows[:, :3], 0.5 * rows[:, 3:6], rows[:, 6])
+    return Boxes(rows[:, :3].copy(), 0.5 * rows[:, 3:6], rows[:, 6].copy())
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,13 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.simulation.scenario.physics import Optics
-from fleet.simulation.world.grains import LEAST, add, fall
+from fleet.simulation.world.grains import add, fall
 from fleet.simulation.world.noise import noise, shifted
 from tagmap.conventions import Array
-
-HALO_WIDTH = 4.0
-STEPS_PER_SIGMA = 2.0
-STILL_PX = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,34 +53,18 @@ class Imager:
         )
         ground = shifted(background, rng)
         image = ground.image()
-        n = fall(self._light, self._spots(lights), self._discs(lights), self._touched)
+        n = fall(
+            self._light,
+            lights.start_px,
+            lights.end_px,
+            lights.flux,
+            lights.discs,
+            optics.sigma_px,
+            optics.halo,
+            self._touched,
+        )
         pixels = self._touched[:n]
         electrons = rng.poisson(self._light.reshape(-1)[pixels] / optics.gain)
         more = np.asarray(optics.gain * electrons, dtype=np.float64)
         add(image, self._light, pixels, more, *ground.counted)
         return image
-
-    def _spots(self, lights: Lights) -> Array:
-        """Rows as `fall` wants them: streaks in steps, each with its halo, and small lamps."""
-        sigma, halo = self.optics.sigma_px, self.optics.halo
-        way = lights.end_px - lights.start_px
-        length = np.hypot(way[:, 0], way[:, 1])
-        steps = np.where(length < STILL_PX, 1, np.ceil(STEPS_PER_SIGMA * length / sigma) + 1)
-        which = np.repeat(np.arange(len(steps)), steps.astype(np.int64))
-        number = np.arange(len(which)) - np.repeat(np.cumsum(steps) - steps, steps.astype(np.int64))
-        share = (number + 0.5) / steps[which]
-        px = lights.start_px[which] + share[:, None] * way[which]
-        flux, cut = lights.flux[which] / steps[which], LEAST / steps[which]
-        core = np.column_stack([px, (1.0 - halo) * flux, np.full(len(px), sigma), cut])
-        wide = np.column_stack([px, halo * flux, np.full(len(px), HALO_WIDTH * sigma), cut])
-        u, v, radius, level = lights.discs[self._are_small(lights)].T
-        # An even disc of radius r has the variance r^2 / 4 along each axis.
-        lamps = [u, v, np.pi * radius**2 * level, np.hypot(sigma, 0.5 * radius)]
-        return np.concatenate([core, wide, np.column_stack([*lamps, np.full(len(u), LEAST)])])
-
-    def _discs(self, lights: Lights) -> Array:
-        return np.ascontiguousarray(lights.discs[~self._are_small(lights)])
-
-    def _are_small(self, lights: Lights) -> npt.NDArray[np.bool_]:
-        small: npt.NDArray[np.bool_] = lights.discs[:, 2] < 2.0 * self.optics.sigma_px
-        return small

@@ -7,11 +7,11 @@ import numpy as np
 from fleet.simulation.scenario.physics import Led, Optics
 from fleet.simulation.world.boxes import Boxes
 from fleet.simulation.world.imager import Lights
+from fleet.simulation.world.looking import look
 from fleet.simulation.world.mirrors import DIRECT, Apparent, apparent, shown
 from fleet.simulation.world.surroundings import Surroundings
 from tagmap.conventions import Array, Mask
-from tagmap.geometry import se3
-from tagmap.geometry.camera import Camera, project, undistort
+from tagmap.geometry.camera import Camera, undistort
 
 MARGIN_PX = 24.0
 """Spots whose middle is farther outside the image shine into it no more."""
@@ -35,6 +35,16 @@ class Eye:
     camera: Camera
     slope: float
 
+    def look(self, T_map_cam: Array, seen: Apparent) -> tuple[Array, Mask, Array]:
+        """Pixels (K, 2) of sources; whether they are in the image or hardly outside; the cosine of
+        the angle between where each looks and where it is seen from."""
+        camera, n = self.camera, len(seen.p)
+        size = camera.width_px - 1 + MARGIN_PX, camera.height_px - 1 + MARGIN_PX
+        edges = np.array([-MARGIN_PX, size[0], -MARGIN_PX, size[1], self.slope])
+        px, inside, cosine = np.empty((n, 2)), np.empty(n, dtype=bool), np.empty(n)
+        look(camera.array, edges, T_map_cam, seen.p, seen.normal, px, inside, cosine)
+        return px, inside, cosine
+
 
 def eye(camera: Camera) -> Eye:
     """Beyond the corners the polynomial of the lens means nothing, and folds back."""
@@ -57,8 +67,8 @@ def lights(
     moving = around.moving(t_ns, robot)
     spots, px, cosine = _spots(eye, view.middle, around, moving, t_ns)
     flux = flux_of(led, optics, spots.p, cosine, view.middle) * _kept(spots, around)
-    start = px if view.start is view.middle else in_image(eye, view.start, spots.p)[0]
-    end = start if view.end is view.start else in_image(eye, view.end, spots.p)[0]
+    start = px if view.start is view.middle else eye.look(view.start, spots)[0]
+    end = start if view.end is view.start else eye.look(view.end, spots)[0]
     return Lights(start, end, flux, _discs(eye, view.middle, around, moving))
 
 
@@ -69,8 +79,7 @@ def _spots(
     now = around.tags.at(t_ns)
     seen = apparent(now.p, now.normal, around.mirrors)
     origin = T_map_cam[:3, 3]
-    px, inside = in_image(eye, T_map_cam, seen.p)
-    cosine = _towards(seen, origin)
+    px, inside, cosine = eye.look(T_map_cam, seen)
     may = np.flatnonzero(inside & now.open[seen.source] & (cosine > GRAZING))
     clear = shown(origin, seen.only(may), now.p, around.mirrors, around.sight, moving)
     index = may[clear]
@@ -89,24 +98,6 @@ def flux_of(led: Led, optics: Optics, p: Array, cosine: Array, T_map_cam: Array)
     return flux
 
 
-def in_image(eye: Eye, T_map_cam: Array, p: Array) -> tuple[Array, Mask]:
-    """Pixels (K, 2) of points (K, 3), and whether they are in the image or hardly outside."""
-    p_cam = se3.act(se3.inverse(T_map_cam), p)
-    px, _ = project(eye.camera, p_cam)
-    size = np.array([eye.camera.width_px, eye.camera.height_px])
-    with np.errstate(invalid="ignore"):
-        aside = np.hypot(p_cam[:, 0], p_cam[:, 1]) <= eye.slope * p_cam[:, 2]
-        inside = ((px >= -MARGIN_PX) & (px <= size - 1 + MARGIN_PX)).all(axis=-1)
-    return px, aside & inside
-
-
-def _towards(seen: Apparent, origin: Array) -> Array:
-    """Cosine (K,) between where each LED looks and where it is seen from."""
-    way = origin - seen.p
-    cosine: Array = (way * seen.normal).sum(-1) / np.linalg.norm(way, axis=-1)
-    return cosine
-
-
 def _kept(seen: Apparent, around: Surroundings) -> Array:
     """What mirrors leave of the light (K,)."""
     kept = np.array([1.0] + [plane.reflects for plane in around.mirrors])
@@ -119,7 +110,7 @@ def _discs(eye: Eye, T_map_cam: Array, around: Surroundings, moving: Boxes) -> A
     if not len(lamps.p):
         return np.zeros((0, 4))
     seen = apparent(lamps.p, np.zeros_like(lamps.p), around.mirrors)
-    px, inside = in_image(eye, T_map_cam, seen.p)
+    px, inside, _ = eye.look(T_map_cam, seen)
     may = np.flatnonzero(inside)
     origin = T_map_cam[:3, 3]
     clear = shown(origin, seen.only(may), lamps.p, around.mirrors, around.sight, moving)
