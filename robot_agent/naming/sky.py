@@ -14,10 +14,9 @@ from msgspec.structs import replace
 from robot_agent.activation.target import Target, targets_of
 from robot_agent.naming.named import Named
 from robot_agent.perception.matching import Matches, View, match
-from tagmap.conventions import Array
+from tagmap.conventions import Array, Index
 from tagmap.geometry import se3, stereo
 from tagmap.geometry.stereo import StereoRig
-from tagmap.records.arrays import covariance, upper
 from tagmap.records.keyframe import Measurement, Sighting
 
 Pair = tuple[int, int]
@@ -98,20 +97,23 @@ class Sky:
         found: Matches = match(self.rig, self.left, self.right, false_pairs=self.false)
         self.targets = targets_of(found, self.left, self.right)
         self.p_cam = found.chosen.p_cam
-        self.wide = _wide(self.rig, self.targets, found.chosen.cov)
+        self.wide = _wide(self.rig, self.left, self.right, found.chosen.pairs)
 
 
-def _wide(rig: StereoRig, targets: list[Target], cov: Array) -> Array:
-    if not targets:
-        return cov
-    px = np.array([target.z.values for target in targets])
-    cov_px = np.array([covariance(target.z.cov) for target in targets])
+def _wide(rig: StereoRig, left: View, right: View, pairs: Index) -> Array:
+    """(N, 3, 3)"""
+    i, j = pairs.T
+    cov_px = np.zeros((len(pairs), 4, 4))
+    cov_px[:, :2, :2], cov_px[:, 2:, 2:] = left.cov[i], right.cov[j]
+    px = np.concatenate([left.px[i], right.px[j]], axis=-1)
     _, wide, _ = stereo.triangulate(rig, px, cov_px + rig.sigma_px**2 * np.eye(4))
     return wide
 
 
 def cautious(z: Measurement, sigma_px: float) -> Measurement:
     """A measurement in pixels with what the rig may be off added to its covariance."""
-    cov = covariance(z.cov)
-    cov = cov + sigma_px**2 * np.eye(len(cov))
-    return Measurement(stereo_px=z.stereo_px, mono_px=z.mono_px, cov=upper(cov))
+    n, cov = len(z.values), list(z.cov)
+    for i in range(n):
+        # Where row i of the upper triangle begins: on the diagonal.
+        cov[i * n - i * (i - 1) // 2] += sigma_px**2
+    return Measurement(stereo_px=z.stereo_px, mono_px=z.mono_px, cov=tuple(cov))

@@ -7,7 +7,7 @@ volume of the gate times how densely spots are strewn, times how likely it is to
 is much for one that was out of sight before and little for one that was seen a moment ago.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,21 +46,23 @@ class Tracker:
         """By the motion since the exposure before; None: it is not known, and all traces end."""
         if step is None:
             self.traces.clear()
+        if step is None or not self.traces:
             return
+        traces = list(self.traces.values())
         T_cur_prev = se3.inverse(matrix(step.T_prev_cur))
-        cov_step = covariance(step.cov)
-        for tag, trace in self.traces.items():
-            p_base = se3.act(T_cur_prev, trace.p_base)
-            lever = se3.act_jacobian(np.eye(4), p_base)
-            R = T_cur_prev[:3, :3]
-            cov = R @ trace.cov @ R.T + lever @ cov_step @ lever.T
-            self.traces[tag] = replace(trace, p_base=p_base, cov=cov)
+        R = T_cur_prev[:3, :3]
+        p_base = se3.act(T_cur_prev, np.array([trace.p_base for trace in traces]))
+        lever = se3.act_jacobian(np.eye(4), p_base)
+        cov = R @ np.array([trace.cov for trace in traces]) @ R.T
+        cov = cov + lever @ covariance(step.cov) @ lever.swapaxes(-1, -2)
+        for trace, p, S in zip(traces, p_base, cov, strict=True):
+            self.traces[trace.tag] = Trace(trace.tag, p, S, trace.p_false, trace.unseen)
 
     def follow(self, p_base: Array, cov: Array) -> dict[int, Named]:
         """Names of places p_base (N, 3) with cov (N, 3, 3), by their row; each is seen now."""
         traces = list(self.traces.values())
-        for trace in traces:
-            self.traces[trace.tag] = replace(trace, unseen=trace.unseen + 1)
+        for one in traces:
+            self.traces[one.tag] = Trace(one.tag, one.p_base, one.cov, one.p_false, one.unseen + 1)
         found: dict[int, Named] = {}
         if traces and len(p_base):
             chi2, volume = _distances(traces, p_base, cov)
