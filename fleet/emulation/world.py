@@ -41,7 +41,8 @@ def in_true_time(
 
 class WorldEmulators(Background):
     """`with WorldEmulators(world, folder) as running:` devices of the robots of these names, or of
-    all, each with a folder of its own name in `folder`, where also the survey is."""
+    all, each with a folder of its own name in `folder`, where also the survey is. ends: see
+    RobotEmulators."""
 
     def __init__(
         self,
@@ -51,6 +52,7 @@ class WorldEmulators(Background):
         names: Collection[str] = (),
         baud: int = BAUD,
         outages: Sequence[Outage] = (),
+        ends: bool = False,
     ) -> None:
         """Raises ConfigError for a robot or a device that there is not."""
         self._world, self._folder, self._outages = world, folder, outages
@@ -62,7 +64,7 @@ class WorldEmulators(Background):
                 raise ConfigError(f"no robot is called {name}, expected one of {known}")
             mine = folder / name
             self.robots[name] = RobotEmulators(
-                world, world.robots[name], mine, site or Site(), ports_before(mine), baud
+                world, world.robots[name], mine, site or Site(), ports_before(mine), baud, ends
             )
         for outage in outages:
             robot = self.robots.get(outage.robot)

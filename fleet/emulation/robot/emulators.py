@@ -31,7 +31,8 @@ BAUD = 9600
 
 class RobotEmulators:
     """Of `robot` in `world`, whose times are UTC, in true time. What the robot needs to know is
-    written into `folder`. Ports that are 0 are any free ones, and stay the same afterwards."""
+    written into `folder`. Ports that are 0 are any free ones, and stay the same afterwards.
+    ends: cameras say so when the world is at its end."""
 
     def __init__(
         self,
@@ -41,6 +42,7 @@ class RobotEmulators:
         site: Site,
         ports: Ports | None = None,
         baud: int = BAUD,
+        ends: bool = False,
     ) -> None:
         self._world, self._robot, self._folder = world, robot, folder
         self._baud = baud
@@ -49,7 +51,8 @@ class RobotEmulators:
         now_ns = time.time_ns()
         self._head = None if robot.known.mount.turning is None else Head(now_ns)
         angles_at = None if self._head is None else self._head.angles_at
-        self._exposures = Exposures(robot, world.start_ns, angles_at)
+        end_ns = (lambda: world.end_ns) if ends else None
+        self._exposures = Exposures(robot, world.start_ns, angles_at, end_ns)
         self._beam = robot.laser.at(time.time_ns, angles_at)
         self._galvo = self._new_galvo()
         self.outlets: dict[Device, Outlet] = {
@@ -113,7 +116,7 @@ class RobotEmulators:
 
     def _warm_up(self) -> None:
         """The first image and the first beam take long; nobody is to wait for them."""
-        self._exposures.pairs(None, 0.0)
+        self._robot.pair(self._world.start_ns)
         middle = 1 << (self._beam.drive.dac_bits - 1)
         self._beam.on(self._world.scene, (middle, middle))
 
@@ -155,7 +158,7 @@ class RobotEmulators:
         if self._epoch not in (None, epoch) and self._sender is not None:
             self._sender.epoch = secrets.randbits(32)
         self._epoch = epoch
-        return Reckoned(now_ns, x_m, y_m, theta_rad)
+        return Reckoned(self._robot.clock_ns(now_ns), x_m, y_m, theta_rad)
 
 
 def _free_port() -> int:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from fleet.emulation.robot.head import Head
 from fleet.emulation.robot.outage import Outage
 from fleet.emulation.world import WorldEmulators, in_true_time
 from fleet.simulation.scenario.reading import read_scenario
+from fleet.simulation.world.clock import RobotClock
 from fleet.simulation.world.world import World
 from robot_agent.cameras.camera import Failure as CameraFailure
 from robot_agent.cameras.camera import StereoPair
@@ -194,6 +196,36 @@ def test_only_the_newest_exposure_is_kept(world: World):
     assert later is not None
     assert (later.t_ns - newest.t_ns) % period_ns == 0
     assert later.t_ns > newest.t_ns
+
+
+def test_cameras_begin_and_end_with_their_world(world: World):
+    robot = world.robots["r1"]
+    period_ns = round(1e9 / robot.table.camera_hz)
+    soon = Exposures(robot, time.time_ns() + 10 * period_ns)
+    assert soon.pairs(None, 0.0) is None
+    start_ns = time.time_ns() - 10 * period_ns
+    over = Exposures(robot, start_ns, end_ns=lambda: start_ns + 5 * period_ns + 1)
+    last = over.pairs(None, 0.0)
+    assert isinstance(last, StereoPair)
+    assert last.t_ns == start_ns + 5 * period_ns
+    ended = over.pairs(last.t_ns, 10.0)
+    assert isinstance(ended, CameraFailure)
+    assert ended.reason == "ended"
+
+
+def test_a_clock_that_is_set_back_hides_no_exposure(world: World):
+    start_ns = time.time_ns() - 2_000_000_000
+    jump_ns = time.time_ns() + 200_000_000
+    clock = RobotClock(start_ns, 5_000_000_000, 0.0, ((jump_ns, -60_000_000_000),))
+    robot = replace(world.robots["r1"], clock=clock)
+    exposures = Exposures(robot, start_ns)
+    latest = exposures.pairs(None, 0.0)
+    assert latest.t_ns == clock.robot_ns(clock.world_ns(latest.t_ns))
+    assert time.time_ns() < latest.t_ns
+    while latest.t_ns > time.time_ns():
+        latest = exposures.pairs(latest.t_ns, 5.0)
+    assert abs(latest.t_ns + 55_000_000_000 - time.time_ns()) < 5_000_000_000
+    assert exposures.pairs(latest.t_ns, 5.0).t_ns > latest.t_ns
 
 
 def test_a_head_knows_where_it_pointed():
