@@ -115,6 +115,7 @@ class CalibrationTable(_Table, frozen=True):
     odometry_scale: Sigma | None = None
     wheel_base: Sigma | None = None
     time_offset_s: Sigma | None = None
+    principal_px: Sigma | None = None
 
     def sigmas(self) -> CalibrationSigmas:
         return CalibrationSigmas(**{name: getattr(self, name) for name in self.__struct_fields__})

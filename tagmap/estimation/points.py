@@ -114,6 +114,8 @@ def _in_camera(
     if block.form == "stereo_px":
         z = block.z.copy()
         z[:, 2] += sensor.get("disparity_px", 0.0)
+        z[:, ::2] -= sensor.get("principal_u_px", 0.0)
+        z[:, 1::2] -= sensor.get("principal_v_px", 0.0)
         rig, k = rig_numbers(block.rig), len(z)
         p_cam, information = np.empty((k, 3)), np.empty((k, 3, 3))
         triangulate(rig, z, lower(block.whiten), LEAST_DETERMINANT, p_cam, information)

@@ -4,7 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tagmap.conventions import Form, Kind
-from tagmap.estimation.unknowns import CAMERA, OF_FORM, OF_STEPS, Unknown, UnknownName
+from tagmap.estimation.unknowns import (
+    CAMERA,
+    OF_FORM,
+    OF_STEPS,
+    PRINCIPAL,
+    Unknown,
+    UnknownName,
+)
 from tagmap.records import Hello
 
 Key = tuple[UnknownName, str | None]
@@ -63,5 +70,6 @@ def _sigmas(kind: Kind, hello: Hello) -> dict[Key, float]:
         ("time_offset_s", hello.robot): own.time_offset_s,
         ("odometry_scale", hello.robot): own.odometry_scale,
         ("wheel_base", hello.robot): own.wheel_base,
+        **{(name, hello.robot): own.principal_px for name in PRINCIPAL},
     }
     return {key: sigma for key, sigma in stated.items() if sigma is not None}

@@ -7,6 +7,7 @@
     time_offset_s   the camera exposes so much later than its time stamp says
     odometry_scale  measured / true distance of odometry steps
     wheel_base      measured / true turn of odometry steps
+    principal_u_px, principal_v_px  measured - true pixels, alike in both images
 
 Each has a Gaussian prior. What no measurement feels stays at its mean, with its sigma.
 """
@@ -29,6 +30,8 @@ UnknownName: TypeAlias = Literal[
     "time_offset_s",
     "odometry_scale",
     "wheel_base",
+    "principal_u_px",
+    "principal_v_px",
 ]
 NAMES: tuple[UnknownName, ...] = get_args(UnknownName)
 """The place of a name is its code in tagmap.estimation.kernels.calibration."""
@@ -37,9 +40,10 @@ SCALES: tuple[UnknownName, ...] = ("range_scale", "stereo_scale", "odometry_scal
 """About 1; the others are about 0."""
 
 OF_EVERY_FORM: tuple[UnknownName, ...] = tuple(n for n in NAMES if n.startswith(("camera", "time")))
+PRINCIPAL: tuple[UnknownName, UnknownName] = ("principal_u_px", "principal_v_px")
 OF_FORM: dict[Form, tuple[UnknownName, ...]] = {
-    "stereo_px": ("stereo_scale", "disparity_px", *OF_EVERY_FORM),
-    "mono_px": OF_EVERY_FORM,
+    "stereo_px": ("stereo_scale", "disparity_px", *PRINCIPAL, *OF_EVERY_FORM),
+    "mono_px": (*PRINCIPAL, *OF_EVERY_FORM),
     "point_cam_m": ("range_scale", *OF_EVERY_FORM),
     "range_bearing": ("range_scale", *OF_EVERY_FORM),
 }

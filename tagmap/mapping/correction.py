@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from tagmap.conventions import TAG_DOF, Array, Form, Kind
+from tagmap.geometry.camera import Camera
 from tagmap.geometry.stereo import StereoRig
 from tagmap.localisation.scene import Sensor, lie
 from tagmap.records import Hello, Keyframe
@@ -74,8 +75,17 @@ class Correction:
 
     def _rig(self, rig: StereoRig) -> StereoRig:
         """Disparities come out as long as they were measured."""
+        du, dv = (self.values.get(f"principal_{axis}_px", 0.0) for axis in "uv")
         disparity_px = self.values.get("disparity_px", 0.0)
-        return replace(rig, right=replace(rig.right, cx_px=rig.right.cx_px - disparity_px))
+        return replace(
+            rig,
+            left=_shifted(rig.left, du, dv),
+            right=_shifted(rig.right, du - disparity_px, dv),
+        )
+
+
+def _shifted(camera: Camera, du: float, dv: float) -> Camera:
+    return replace(camera, cx_px=camera.cx_px + du, cy_px=camera.cy_px + dv)
 
 
 AS_STATED = Correction()

@@ -40,9 +40,12 @@ def sighting_prediction(problem: Problem, sightings: Sightings, state: State) ->
     """What would be measured (K, c); a point that cannot be seen (behind the camera) gives NaN."""
     p_cam = sighting_points(problem, sightings, state)
     z, _ = measurement.predict(sightings.form, problem.kind, p_cam, sightings.rig)
+    values = values_of(problem, state, sightings.unknowns)
+    if sightings.form in ("stereo_px", "mono_px"):
+        off = [values.get("principal_u_px", 0.0), values.get("principal_v_px", 0.0)]
+        z = z + np.tile(off, z.shape[1] // 2)
     if sightings.form == "stereo_px":
-        disparity = values_of(problem, state, sightings.unknowns).get("disparity_px", 0.0)
-        z = z - [0.0, 0.0, disparity, 0.0]
+        z = z - [0.0, 0.0, values.get("disparity_px", 0.0), 0.0]
     return z
 
 

@@ -21,6 +21,7 @@ EVERYTHING = CalibrationSigmas(
     odometry_scale=0.05,
     wheel_base=0.05,
     time_offset_s=0.05,
+    principal_px=0.3,
 )
 FIRST: tuple[tuple[UnknownName, float], ...] = (
     ("range_scale", 0.99),
@@ -35,6 +36,8 @@ FIRST: tuple[tuple[UnknownName, float], ...] = (
     ("odometry_scale", 1.04),
     ("wheel_base", 0.96),
     ("time_offset_s", 0.04),
+    ("principal_u_px", 0.25),
+    ("principal_v_px", -0.35),
 )
 
 

@@ -40,6 +40,7 @@ STATED: dict[Kind, CalibrationSigmas] = {
         odometry_scale=0.02,
         wheel_base=0.005,
         time_offset_s=0.01,
+        principal_px=0.2,
     ),
 }
 N_TAGS = 8

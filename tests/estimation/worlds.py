@@ -245,8 +245,8 @@ def _sightings(
         name = tag
         if rng.random() < drive.wrong:
             name = (tag + 1 + rng.integers(len(world.p) - 1)) % len(world.p)
-        disparity = drive.hidden.of("disparity_px")
-        z = measured(form, world.kind, p_cam[tag] * _scale(drive, form), rng, disparity)
+        off = tuple(map(drive.hidden.of, ("principal_u_px", "principal_v_px", "disparity_px")))
+        z = measured(form, world.kind, p_cam[tag] * _scale(drive, form), rng, off)
         seen.append(Sighting(tag=f"tag{name}", id_by="given", p_false=drive.wrong, z=z))
     return seen
 
@@ -272,13 +272,21 @@ def in_view(kind: Kind, p_cam: Array) -> Array:
 
 
 def measured(
-    form: Form, kind: Kind, p_cam: Array, rng: np.random.Generator, disparity_px: float = 0.0
+    form: Form,
+    kind: Kind,
+    p_cam: Array,
+    rng: np.random.Generator,
+    off_px: tuple[float, ...] = (0.0, 0.0, 0.0),
 ) -> Measurement:
-    """One noisy measurement of the point p_cam (d,), its disparity off by so much."""
+    """One noisy measurement of the point p_cam (d,), its pixels (u, v) and its disparity off by so
+    much."""
     rig = arrays.stereo_rig(RIG) if kind == "spatial" else None
     exact, _ = measurement.predict(form, kind, p_cam, rig)
+    u, v, disparity_px = off_px
     if form == "stereo_px":
-        exact = exact - [0.0, 0.0, disparity_px, 0.0]
+        exact = np.add(exact, [u, v, u - disparity_px, v])
+    if form == "mono_px":
+        exact = np.add(exact, [u, v])
     sigma = sighting_sigma(form, kind)
     z = arrays.vector(exact + sigma * rng.standard_normal(len(exact)))
     cov = arrays.upper(np.diag(sigma**2))

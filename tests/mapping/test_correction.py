@@ -41,6 +41,12 @@ def test_a_disparity_that_is_measured_too_long():
     assert np.abs(points(AS_STATED.sensor(HELLO, {}), px) - P_CAM).max() > 0.01
 
 
+def test_principal_points_that_are_off_alike():
+    px = np.add(seen(stereo_rig(RIG)), [0.4, -0.3, 0.4, -0.3])
+    sensor = Correction({"principal_u_px": 0.4, "principal_v_px": -0.3}).sensor(HELLO, {})
+    assert points(sensor, px) == pytest.approx(P_CAM, abs=1e-6)
+
+
 def test_a_baseline_that_is_taken_too_long():
     stated = stereo_rig(RIG)
     T = stated.T_right_left.copy()

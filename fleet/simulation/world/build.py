@@ -165,7 +165,7 @@ def _robot(
         record,
         drive_of(record.drive),
         nominal,
-        rig.sigmas(wrong, (odometry.scale, odometry.turn_scale), known_rig.left.fx_px),
+        rig.sigmas(wrong, (odometry.scale, odometry.turn_scale)),
         Limits(reader_range_m=air.reader_range_m, write_range_m=air.write_range_m),
     )
     cameras = (hidden.rig.left, hidden.rig.right)

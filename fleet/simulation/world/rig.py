@@ -1,6 +1,5 @@
 """The stereo rig and where it sits: as the robot's files say, and as they are."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,12 +82,8 @@ def true_rig(known: RigCalibration, wrong: Calibration, rng: np.random.Generator
     )
 
 
-def sigmas(
-    scenario_wrong: Calibration, odometry: tuple[float, float], focal_px: float
-) -> CalibrationSigmas:
-    """What the robot says of its own files; odometry: sigmas of lengths and of turns. To an image
-    whose principal point is off it seems as if the camera were turned.
-    """
+def sigmas(scenario_wrong: Calibration, odometry: tuple[float, float]) -> CalibrationSigmas:
+    """What the robot says of its own files; odometry: sigmas of lengths and of turns."""
     scale, turn_scale = odometry
     if scenario_wrong.exact:
         return CalibrationSigmas(odometry_scale=scale or None, wheel_base=turn_scale or None)
@@ -96,10 +91,10 @@ def sigmas(
         stereo_scale=scenario_wrong.baseline_share or None,
         disparity_px=scenario_wrong.disparity_px or None,
         camera_m=scenario_wrong.camera_m or None,
-        camera_rad=math.hypot(scenario_wrong.camera_rad, scenario_wrong.principal_px / focal_px)
-        or None,
+        camera_rad=scenario_wrong.camera_rad or None,
         odometry_scale=scale or None,
         wheel_base=turn_scale or None,
+        principal_px=scenario_wrong.principal_px or None,
     )
 
 

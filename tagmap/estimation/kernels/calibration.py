@@ -6,7 +6,7 @@ Which is which: tagmap.estimation.unknowns, whose order the codes here follow.
 from typing import NamedTuple
 
 from tagmap.conventions import Array, Index
-from tagmap.estimation.kernels.forms import Four, inner, whitened
+from tagmap.estimation.kernels.forms import STEREO_PX, Four, inner, whitened
 from tagmap.estimation.kernels.layout import Linear, Sighted, Steps
 from tagmap.estimation.kernels.motion import (
     exponential,
@@ -33,16 +33,18 @@ from tagmap.geometry.kernels.compiled import compiled, inlined
 Six = tuple[float, float, float, float, float, float]
 
 RANGE_SCALE, STEREO_SCALE, DISPARITY, CAMERA, TIME_OFFSET = 0, 1, 2, 3, 9
+PRINCIPAL_U, PRINCIPAL_V = 12, 13
 
 
 class Sensor(NamedTuple):
     """The values that one sighting depends on: p_cam as seen is scale exp(-camera) p_cam.
 
-    R, t: exp(-camera). A, B: blocks of its right Jacobian at `camera`.
+    offset: of the pixels as seen. R, t: exp(-camera). A, B: blocks of its right Jacobian at
+    `camera`.
     """
 
     scale: float
-    disparity: float
+    offset: Four
     delay: float
     R: M
     t: V
@@ -55,13 +57,13 @@ def as_stated() -> Sensor:
     """A sensor without unknowns."""
     one, zero = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return Sensor(1.0, 0.0, 0.0, one, zero, one, none)
+    return Sensor(1.0, (0.0, 0.0, 0.0, 0.0), 0.0, one, zero, one, none)
 
 
 @compiled
 def sensor_of(sighted: Sighted, block: int, calibration: Array) -> Sensor:
     """Of the sightings of that block."""
-    scale, disparity, delay = 1.0, 0.0, 0.0
+    scale, disparity, delay, du, dv = 1.0, 0.0, 0.0, 0.0, 0.0
     x = y = z = rx = ry = rz = 0.0
     for n in range(sighted.columns.shape[1]):
         column = sighted.columns[block, n]
@@ -74,6 +76,10 @@ def sensor_of(sighted: Sighted, block: int, calibration: Array) -> Sensor:
             disparity = value
         elif kind == TIME_OFFSET:
             delay = value
+        elif kind == PRINCIPAL_U:
+            du = value
+        elif kind == PRINCIPAL_V:
+            dv = value
         elif kind == CAMERA:
             x = value
         elif kind == CAMERA + 1:
@@ -88,7 +94,7 @@ def sensor_of(sighted: Sighted, block: int, calibration: Array) -> Sensor:
             rz = value
     R, t = exponential((-x, -y, -z), (-rx, -ry, -rz))
     A, B = right_jacobian((x, y, z), (rx, ry, rz))
-    return Sensor(scale, disparity, delay, R, t, A, B)
+    return Sensor(scale, (du, dv, du - disparity, dv), delay, R, t, A, B)
 
 
 @inlined
@@ -137,6 +143,7 @@ def add_sensor(
     n_unknowns = sighted.columns.shape[1]
     a, b, c, d = rows
     f = w * sensor.scale
+    second = 1.0 if sighted.form[own] == STEREO_PX else 0.0
     for u in range(n_unknowns):
         column = sighted.columns[own, u]
         if column < 0:
@@ -144,6 +151,10 @@ def add_sensor(
         kind = sighted.kinds[own, u]
         if kind == DISPARITY:
             raw = 0.0, 0.0, -1.0, 0.0
+        elif kind == PRINCIPAL_U:
+            raw = 1.0, 0.0, second, 0.0
+        elif kind == PRINCIPAL_V:
+            raw = 0.0, 1.0, 0.0, second
         else:
             m = _motion(sighted, k, kind, sensor, calibration[column], p_cam, R_cam_base, p_base)
             raw = dot(a, m), dot(b, m), dot(c, m), dot(d, m)

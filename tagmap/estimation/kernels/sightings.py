@@ -59,8 +59,9 @@ def linearise_sightings(
     p, T, seen, whiten = linear.p, linear.T, linear.seen, sighted.whiten
     by_tag, g3 = linear.tag_diagonal, linear.tag_gradient
     cost = new_cost = 0.0
-    calibrated, last, scale, disparity = sighted.columns.shape[1] > 0, -1, 1.0, 0.0
+    calibrated, last, scale = sighted.columns.shape[1] > 0, -1, 1.0
     sensor = as_stated()
+    offset = sensor.offset
     by = np.empty((sighted.columns.shape[1], 4))
     for i in range(len(T)):
         R_base, t_base = transpose(rotation_of(T[i])), position_of(T[i])
@@ -75,14 +76,14 @@ def linearise_sightings(
                 if calibrated:
                     if block != last:
                         last, sensor = block, sensor_of(sighted, block, calibration)
-                        scale, disparity = sensor.scale, sensor.disparity
+                        scale, offset = sensor.scale, sensor.offset
                     R_mount, t_mount = mount_of(sighted, k, sensor, mount)
                 R = product(R_mount, R_base)
             q = subtract((p[t, 0], p[t, 1], p[t, 2]), t_base)
             cam = add(times(R, q), t_mount)
             cam = scale * cam[0], scale * cam[1], scale * cam[2]
             square, r, rows = observe(
-                sighted.form[block], sighted.rigs[block], cam, disparity, sighted.z, k, whiten, how
+                sighted.form[block], sighted.rigs[block], cam, offset, sighted.z, k, whiten, how
             )
             r2[k] = square
             if weight[k] > 0.0:
@@ -118,11 +119,11 @@ def linearise_sightings(
 
 @inlined
 def observe(
-    form: int, rig: Array, cam: V, disparity: float, z: Array, k: int, whiten: Array, how: int
+    form: int, rig: Array, cam: V, offset: Four, z: Array, k: int, whiten: Array, how: int
 ) -> tuple[float, Four, tuple[V, V, V, V]]:
     """Squared whitened residual, inf where cam cannot be measured; residual, Jacobian by cam."""
     valid, h, a, b, c, d = predict(form, rig, cam)
-    h = h[0], h[1], h[2] - disparity, h[3]
+    h = h[0] + offset[0], h[1] + offset[1], h[2] + offset[2], h[3] + offset[3]
     r = whitened(whiten, how, residual(form, h, z, k))
     square = inner(r, r)
     if not (valid and square < math.inf):

@@ -87,6 +87,9 @@ class Window(NamedTuple):
     work: Array
 
 
+NOWHERE = (0.0, 0.0, 0.0, 0.0)
+
+
 @compiled
 def reckon(steps: Steps, T: Array) -> None:
     """T (n, 4, 4) from the first one on, by odometry alone."""
@@ -201,7 +204,7 @@ def _linearise(
             q = subtract((p[t, 0], p[t, 1], p[t, 2]), t_base)
             cam, block = add(times(R, q), position_of(mount)), sighted.block[how]
             square, r, rows = observe(
-                sighted.form[block], sighted.rigs[block], cam, 0.0, sighted.z, k, whiten, how
+                sighted.form[block], sighted.rigs[block], cam, NOWHERE, sighted.z, k, whiten, how
             )
             x, y, z = by_point(whiten, how, rows, R)
             W, g = condensed(1.0, 1.0, x, y, z, r)
