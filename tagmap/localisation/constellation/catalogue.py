@@ -58,34 +58,34 @@ def _chart(p: Array, cov: Array, reach_m: float) -> "Chart":
     from tagmap.localisation.constellation.kernels.sky import BUCKET_M, Chart
 
     edges = BUCKET_M * np.arange(int(np.ceil(reach_m / BUCKET_M)) + 1)
+    pair, apart = _pairs(p, float(edges[-1]))
+    both, away = np.concatenate([pair, pair[:, ::-1]]), np.tile(apart, 2)
+    order = np.lexsort([both[:, 1], away, both[:, 0]])
+    (tag, near), distance = both[order].T, away[order]
+    first = np.searchsorted(tag, np.arange(len(p) + 1))
     start = np.zeros((len(p), len(edges)), dtype=np.int64)
-    near, distance = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
-    count = 0
     for a in range(len(p)):
-        away = np.sqrt(((p - p[a]) ** 2).sum(-1))
-        away[a] = np.inf
-        closest = np.argsort(away, kind="stable")
-        closest = closest[: np.searchsorted(away[closest], edges[-1])]
-        near.append(closest)
-        distance.append(away[closest])
-        start[a] = count + np.searchsorted(distance[-1], edges)
-        count += len(closest)
-    pair, apart = _pairs(near, distance)
+        mine = distance[first[a] : first[a + 1]]
+        start[a] = first[a] + np.searchsorted(mine, edges)
     return Chart(
         np.ascontiguousarray(p),
         np.ascontiguousarray(cov),
         start,
-        np.concatenate(near),
-        np.concatenate(distance),
+        np.ascontiguousarray(near),
+        distance,
         pair,
         apart,
     )
 
 
-def _pairs(near: list[Index], distance: list[Array]) -> tuple[Index, Array]:
-    """All pairs once, by their distance, from the neighbours of each tag behind an empty list."""
-    a = np.repeat(np.arange(len(near)) - 1, list(map(len, near)))
-    b, apart = np.concatenate(near), np.concatenate(distance)
-    once = np.flatnonzero(a < b)
-    order = once[np.argsort(apart[once], kind="stable")]
-    return np.column_stack([a[order], b[order]]), apart[order]
+def _pairs(p: Array, reach_m: float) -> tuple[Index, Array]:
+    """All pairs (P, 2) nearer than `reach_m` once, by their distance (P,)."""
+    from scipy.spatial import cKDTree
+
+    if len(p) < 2:
+        return np.zeros((0, 2), dtype=np.int64), np.zeros(0)
+    pair = cKDTree(p).query_pairs(reach_m, output_type="ndarray").astype(np.int64)
+    apart = np.sqrt(((p[pair[:, 1]] - p[pair[:, 0]]) ** 2).sum(-1))
+    pair, apart = pair[apart < reach_m], apart[apart < reach_m]
+    order = np.lexsort([pair[:, 1], pair[:, 0], apart])
+    return np.ascontiguousarray(pair[order]), apart[order]
