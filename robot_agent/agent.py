@@ -94,7 +94,7 @@ class Habits:
     optics: Optics = field(default_factory=Optics)
     spacing: Spacing = field(default_factory=Spacing)
     wheels: Wheels = field(default_factory=Wheels)
-    confirm_s: float = 300.0
+    confirm_s: float = 120.0
     write_range_m: float = 30.0
     stationary: bool = False
 
@@ -274,11 +274,12 @@ class Agent:
         began_ns = self._began_ns = now_ns if self._began_ns is None else self._began_ns
         confirm_s = self._habits.confirm_s
         limit_ns = now_ns - round(1e9 * confirm_s)
-        doubtful = {
-            tag
+        last_ns = {
+            tag: lit_ns
             for tag in self._onboard.chart.table.index
-            if confirm_s and self._lit_ns.get(tag, began_ns) <= limit_ns
+            if confirm_s and (lit_ns := self._lit_ns.get(tag, began_ns)) <= limit_ns
         }
+        doubtful = sorted(last_ns, key=lambda tag: last_ns[tag])
         return Wishes(set(self._jobs), doubtful, self._habits.write_range_m)
 
     def _remember(self, sky: Sky, outcomes: Sequence[Outcome]) -> Chart | None:

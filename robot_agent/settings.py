@@ -66,7 +66,7 @@ class AgentTable(_Table, frozen=True):
     """
 
     grab_s: Annotated[float, Meta(ge=0.05, le=10.0)] = 1.0
-    confirm_s: NotNegative = 300.0
+    confirm_s: NotNegative = 120.0
     stationary: bool = False
     keyframes: Spacing = Spacing()
     spots: SpotsTable = SpotsTable()
