@@ -6,6 +6,8 @@ from robot_agent.pan_tilt.mounting import Angling, CameraPose
 from robot_agent.pan_tilt.unit import Angles, Failure, PanTilt
 
 SAME_RAD = 2e-3
+UNKNOWN = 3
+"""Exposures in a row whose angles come too late: a single one is nothing to speak of."""
 PATIENCE_NS = 10_000_000_000
 """A unit that has not arrived by then is stuck: it is looked at where it is."""
 
@@ -18,6 +20,7 @@ class Head:
     _sent_ns: int = 0
     _before: Angles | None = None
     _refusal: str | None = None
+    _unknown: int = 0
 
     def turn(self, angles: Angles, now_ns: int) -> None:
         moving = self.unit.move(angles)
@@ -38,8 +41,9 @@ class Head:
         failure = self.poller.failure
         if failure is not None:
             return failure.detail
-        if camera is None:
-            return "no angles around the time of the exposure"
+        self._unknown = self._unknown + 1 if camera is None else 0
+        if self._unknown >= UNKNOWN:
+            return "no angles around the times of exposures"
         return self._refusal
 
 

@@ -8,8 +8,6 @@ light would show it.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from robot_agent.activation.aimer import Aimer
 from robot_agent.activation.choice import PoseBelief, best
 from robot_agent.activation.target import Target
@@ -25,11 +23,11 @@ WRITE_RANGE_M = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """jobs: tags that wait for a record; doubtful: names that light should confirm; range_m: from
-    how far away the reader writes."""
+    """jobs: tags that wait for a record; doubtful: names that light should confirm, the most
+    doubtful first; range_m: from how far away the reader writes."""
 
     jobs: Collection[str] = ()
-    doubtful: Collection[str] = ()
+    doubtful: Sequence[str] = ()
     range_m: float = WRITE_RANGE_M
 
 
@@ -81,21 +79,24 @@ class Hunt:
         self._done.add(tag)
 
     def _to_write(self) -> Target | None:
-        return self._of_names(self.wishes.jobs, self.wishes.range_m)
+        """The nearest."""
+        found = [target for _, target in self._of_names(self.wishes.jobs)]
+        near = [target for target in found if distance_m(target) <= self.wishes.range_m]
+        return min(near, key=distance_m, default=None)
 
     def _doubtful(self) -> Target | None:
-        return self._of_names(self.wishes.doubtful, np.inf)
+        rank = {tag: k for k, tag in enumerate(self.wishes.doubtful)}
+        found = self._of_names(rank)
+        return min(found, key=lambda one: rank[one[0]])[1] if found else None
 
-    def _of_names(self, tags: Collection[str], range_m: float) -> Target | None:
-        """The nearest of these tags in view that was not lit in this turn and can be."""
+    def _of_names(self, tags: Collection[str]) -> list[tuple[str, Target]]:
+        """Those of these tags in view that were not lit in this turn and can be."""
         wanted = set(tags) - self._done
-        found = [
-            self._as_known(self.sky.targets[k], named)
+        return [
+            (named.tag, self._as_known(self.sky.targets[k], named))
             for k, named in self.sky.named()
             if named.tag in wanted and not self._is_vain(self.sky.targets[k])
         ]
-        near = [target for target in found if distance_m(target) <= range_m]
-        return min(near, key=distance_m, default=None)
 
     def _unknown(self) -> Target | None:
         open_ones = [self.sky.targets[k] for k in self.sky.unnamed()]

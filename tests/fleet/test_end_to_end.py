@@ -26,11 +26,11 @@ def records(world: World) -> dict[str, TagRecord]:
     return {tag.epc: found for tag in world.scene.tags if (found := record(tag)) is not None}
 
 
-@pytest.mark.usefixtures("router")
+@pytest.mark.usefixtures("router", "compiled_solver")
 def test_tags_are_lit_mapped_and_written(tmp_path: Path, endpoint: str):
     world = small_world(tmp_path, time.time_ns())
     with WorldEmulators(world, tmp_path / "out") as emulated:
-        config = confirming(emulated.robots["r1"].config, 1.0)
+        config = confirming(emulated.robots["r1"].config, 3.0)
         with (
             service(tmp_path, endpoint, emulated.survey),
             robot_agent(config, tmp_path, endpoint) as agent,

@@ -28,7 +28,7 @@ TOLD: dict[Device, str] = {
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("router")
+@pytest.mark.usefixtures("router", "compiled_solver")
 def test_each_device_goes_away_and_comes_back(tmp_path: Path, endpoint: str):
     world = small_world(tmp_path, time.time_ns(), TURNING)
     with WorldEmulators(world, tmp_path / "out", baud=FAST_LINE) as emulated:
