@@ -8,28 +8,28 @@ in tags may be mixed.
     floating map, none   with records of 3 tags or more those records alone, else the map
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
 
+from robot_agent.atlas.moving import between, is_one_frame
 from robot_agent.atlas.served import ServedMap
+from robot_agent.atlas.sound import Positions, places_of
 from tagmap.conventions import Array
 from tagmap.errors import RecordRefused
 from tagmap.localisation.constellation.catalogue import Catalogue
 from tagmap.localisation.scene import TagTable
 from tagmap.memory.record import TagRecord
 from tagmap.memory.slots import read
-from tagmap.records.arrays import covariance, matrix
+from tagmap.records.arrays import covariance
 from tagmap.records.pose import Gauge
-from tagmap.records.transform import Transform
 
 LEAST_RECORDS = 3
 UNSTATED_SIGMA_M = 0.05
 """Of a record that does not say how well its position is known."""
 
-Positions: TypeAlias = dict[str, tuple[Array, Array]]
-"""p_map (3,) and cov (3, 3) by tag."""
 Origin: TypeAlias = Literal["service", "memory"]
 
 
@@ -38,6 +38,7 @@ class Chart:
     """What the robot localises by. `origin` None: nothing is known.
 
     T_new_old  (4, 4) from the chart before; None: the two have nothing to do with each other
+    left_out   tags of the map that are not to be localised by though it says so, and why
     """
 
     origin: Origin | None
@@ -46,6 +47,7 @@ class Chart:
     table: TagTable
     catalogue: Catalogue
     T_new_old: Array | None
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.table)
@@ -60,7 +62,9 @@ class Atlas:
     served: ServedMap | None = None
     records: dict[str, TagRecord] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
-    _frame: tuple[Origin | None, Gauge] = (None, "floating")
+    _by_map: Positions = field(default_factory=dict)
+    _left_out: dict[str, str] = field(default_factory=dict)
+    _last: Chart | None = None
 
     def serve(self, served: ServedMap) -> bool:
         """Whether it is another version than the one known."""
@@ -68,10 +72,16 @@ class Atlas:
         if known is not None and known.version == served.version and known.tags == served.tags:
             return False
         self.served = served
+        self._by_map, self._left_out = places_of(served.tags)
         return True
 
     def read(self, tag: str, memory: bytes) -> bool:
-        """What was read in a tag: whether it says anything new. Why not, is in `refused`."""
+        """What was read in a tag: whether it says anything new of where tags are. Why it counts
+        for nothing, is in `refused`."""
+        is_new = self._keep(tag, memory)
+        return is_new and not (self._gauge() == "anchored" and tag in self._by_map)
+
+    def _keep(self, tag: str, memory: bytes) -> bool:
         try:
             contents = read(memory, tag, self.key, self.site_number)
         except RecordRefused as error:
@@ -88,38 +98,24 @@ class Atlas:
 
     def chart(self) -> Chart:
         """Of what is known now; call it once for each change, the chart before is the last one."""
-        by_map, by_memory = self._by_map(), self._by_memory()
-        origin, gauge, positions = self._chosen(by_map, by_memory)
-        before, self._frame = self._frame, (origin, gauge)
-        return Chart(
-            origin,
-            gauge,
-            self._version(origin),
-            TagTable.of("spatial", positions),
-            Catalogue.of(positions),
-            self._moved(before, origin, gauge),
-        )
+        origin, gauge, positions = self._chosen(self._by_map, self._by_memory())
+        table, version = TagTable.of("spatial", positions), self._version(origin)
+        T_new_old = self._moved(origin, gauge, table)
+        catalogue = Catalogue.of(positions)
+        self._last = Chart(origin, gauge, version, table, catalogue, T_new_old, self._left_out)
+        return self._last
+
+    def _gauge(self) -> Gauge:
+        return self.served.version.gauge if self.served else "floating"
 
     def _chosen(
         self, by_map: Positions, by_memory: Positions
     ) -> tuple[Origin | None, Gauge, Positions]:
-        gauge: Gauge = self.served.version.gauge if self.served else "floating"
-        if by_map and gauge == "anchored":
+        if by_map and self._gauge() == "anchored":
             return "service", "anchored", by_memory | by_map
         if len(by_memory) >= LEAST_RECORDS or (by_memory and not by_map):
             return "memory", "anchored", by_memory
         return ("service", "floating", by_map) if by_map else (None, "floating", {})
-
-    def _by_map(self) -> Positions:
-        tags = () if self.served is None else self.served.tags
-        return {
-            tag.tag: (np.array(tag.p_m), covariance(tag.cov))
-            for tag in tags
-            if tag.p_m is not None
-            and tag.cov is not None
-            and len(tag.p_m) == 3
-            and tag.state in ("mapped", "surveyed")
-        }
 
     def _by_memory(self) -> Positions:
         retired = set[str]()
@@ -138,16 +134,15 @@ class Atlas:
             return max(record.map_version for record in self.records.values())
         return None
 
-    def _moved(
-        self, before: tuple[Origin | None, Gauge], origin: Origin | None, gauge: Gauge
-    ) -> Array | None:
-        """The frame of the site stays; a floating map says by how much it moved."""
-        if before[1] == gauge == "anchored":
+    def _moved(self, origin: Origin | None, gauge: Gauge, table: TagTable) -> Array | None:
+        """The frame of the site stays, unless its survey was changed. Other frames move from one
+        version to the next, and are others with another database: the tags know."""
+        last = self._last
+        if last is None or last.origin is None or origin is None:
+            return None
+        if last.gauge == gauge == "anchored" and is_one_frame(last.table, table):
             return np.eye(4)
-        if before == (origin, gauge) == ("service", "floating") and self.served is not None:
-            moved = self.served.version.moved
-            return matrix(moved) if isinstance(moved, Transform) else None
-        return None
+        return between(last.table, table) if origin == last.origin == "service" else None
 
 
 def _cov(record: TagRecord) -> Array:

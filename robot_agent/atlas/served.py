@@ -6,7 +6,7 @@ import msgspec
 
 from tagmap.errors import DataError, RecordRefused
 from tagmap.records import MapVersion, Tag, decode, encode
-from tagmap.records.base import Message
+from tagmap.records.base import VERSION, Message
 from tagmap.records.replacing import replace_file
 
 MOST_BYTES = 1 << 26
@@ -45,7 +45,13 @@ def load(path: Path, site: str) -> ServedMap | None:
 
 def tags_of(payload: bytes) -> tuple[Tag, ...]:
     """The list that `map/tags` answers. Raises RecordRefused."""
+    if len(payload) > MOST_BYTES:
+        raise RecordRefused(f"too large: {len(payload)} bytes, at most {MOST_BYTES}")
     try:
-        return msgspec.msgpack.decode(payload, type=tuple[Tag, ...])
-    except (msgspec.DecodeError, RecursionError) as error:
+        tags = msgspec.msgpack.decode(payload, type=tuple[Tag, ...])
+    except (msgspec.DecodeError, RecursionError, OverflowError, UnicodeDecodeError) as error:
         raise RecordRefused(f"invalid: {error}") from None
+    unknown = next((tag for tag in tags if tag.v != VERSION), None)
+    if unknown is not None:
+        raise RecordRefused(f"tag {unknown.tag}: schema version {unknown.v}, expected {VERSION}")
+    return tags

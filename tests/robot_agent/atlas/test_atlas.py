@@ -8,15 +8,15 @@ from robot_agent.atlas.served import ServedMap, load, save
 from tagmap.errors import DataError
 from tagmap.memory.record import TagRecord
 from tagmap.memory.slots import encode_for
-from tagmap.records import MapVersion, Tag, Transform
+from tagmap.records import MapVersion, Tag
 
 COV = (1e-6, 0.0, 0.0, 1e-6, 0.0, 1e-6)
 TAGS = [f"e2{n:022x}" for n in range(6)]
 
 
-def served(gauge="anchored", version=3, tags=TAGS[:3], moved=None, states=()):
+def served(gauge="anchored", version=3, tags=TAGS[:3], states=()):
     about = MapVersion(
-        version=version, t_ns=1, cause="test", gauge=gauge, moved=moved, tags=len(tags), withheld=0
+        version=version, t_ns=1, cause="test", gauge=gauge, moved=None, tags=len(tags), withheld=0
     )
     states = states or ["mapped"] * len(tags)
     return ServedMap(
@@ -85,14 +85,6 @@ def test_a_frame_that_stays_keeps_the_pose():
     atlas.chart()
     atlas.serve(served(version=4, tags=TAGS[:4]))
     assert (atlas.chart().T_new_old == np.eye(4)).all()
-    floating = Atlas()
-    floating.serve(served("floating"))
-    floating.chart()
-    moved = Transform(p_m=(0.1, 0.0, 0.0), q_wxyz=(1.0, 0.0, 0.0, 0.0))
-    floating.serve(served("floating", version=4, moved=moved))
-    assert floating.chart().T_new_old[0, 3] == pytest.approx(0.1)
-    floating.serve(served("anchored", version=5))
-    assert floating.chart().T_new_old is None
 
 
 def test_the_same_map_again_is_no_news():
