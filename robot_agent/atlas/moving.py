@@ -20,7 +20,7 @@ ROUNDS = 4
 
 
 def is_one_frame(old: TagTable, new: TagTable) -> bool:
-    """Whether tags are where they were; also where none is in both, for nothing speaks against it."""
+    """Whether tags are where they were; nothing speaks against it where none is in both."""
     a, b, sigma_m = _common(old, new)
     return not len(a) or _is_most(_agree(np.eye(4), a, b, sigma_m))
 
