@@ -159,15 +159,16 @@ class Track:
 
     def move_by(self, T_step: Array, cov_step: Array) -> None:
         """By one step or several; cov_step (dof, dof) in the frame of its end."""
+        self._T_odom_base, self._scene = self._T_odom_base @ T_step, None
+        if self._belief is None and not self._window:
+            return
         Ad = np.empty_like(cov_step)
         carrying.adjoint_of_inverse(T_step, Ad)
-        self._T_odom_base = self._T_odom_base @ T_step
         if self._belief is not None:
             self._belief = self._belief.moved(T_step, Ad, cov_step)
         self._window.move(T_step, Ad, cov_step)
         while self._window and self._is_adrift(self._window.cov[0]):
             self._window.drop_oldest()
-        self._scene = None
 
     def _is_adrift(self, cov: Array) -> bool:
         sigma_m, sigma_rad = sigmas(cov)

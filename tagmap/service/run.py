@@ -1,5 +1,6 @@
 """Start and end of the map service: what it opens, in which order, and how it leaves."""
 
+import gc
 import signal
 import threading
 from collections.abc import Iterator
@@ -14,9 +15,10 @@ from tagmap.errors import LinkError
 from tagmap.link.keys import Keys
 from tagmap.link.router import RouterProcess
 from tagmap.link.session import Link
+from tagmap.localisation.prepare import prepare
 from tagmap.mapping.surveying import SurveyedPosition
 from tagmap.service.archive import Archive
-from tagmap.service.inbox import CAPACITY, Inbox
+from tagmap.service.inbox import CAPACITY, GATHER_S, Inbox
 from tagmap.service.listening import listen
 from tagmap.service.shell import Service
 from tagmap.service.solver import SolverProcess
@@ -61,7 +63,7 @@ def _serve(settings: Settings, stopping: threading.Event) -> None:
         store = opened.enter_context(SiteStore.open(settings.db, settings.site))
         router = opened.enter_context(RouterProcess(settings.listen)) if settings.listen else None
         link = opened.enter_context(_link(settings, stopping))
-        inbox = Inbox(CAPACITY)
+        inbox = Inbox(CAPACITY, GATHER_S)
         opened.callback(inbox.close)
         archive = opened.enter_context(_archive(settings))
         solver = SolverProcess(settings.db, settings.site, inbox.put)
@@ -73,8 +75,18 @@ def _serve(settings: Settings, stopping: threading.Event) -> None:
         listen(link, Keys(settings.site), inbox)
         endpoints = [settings.listen] if settings.listen else list(settings.connect)
         log.info("serving", site=settings.site, db=str(settings.db), endpoints=endpoints)
+        preparing = threading.Thread(target=prepare, args=[stopping.is_set])
+        preparing.start()
+        opened.callback(preparing.join)
+        _spare_the_collector()
         service.run(stopping)
         log.info("stopping")
+
+
+def _spare_the_collector() -> None:
+    """What is there now stays: looking through it would stop the loop for 0.1 s now and then."""
+    gc.collect()
+    gc.freeze()
 
 
 def _link(settings: Settings, stopping: threading.Event) -> Link:

@@ -44,3 +44,31 @@ def test_closing_lets_senders_go():
     inbox.close()
     sender.join(5.0)
     assert not sender.is_alive()
+
+
+def test_under_load_arrivals_are_gathered_and_events_do_not_wait_for_them():
+    inbox = Inbox(capacity=100, gather_s=60.0)
+    inbox.put_arrival(arrival(0))
+    assert inbox.take(at_most=9, timeout_s=60.0)[1] == [arrival(0)]
+    inbox.put_arrival(arrival(1))
+    assert inbox.take(at_most=9, timeout_s=0.0) == ([], [])
+    inbox.put("query")
+    assert inbox.take(at_most=9, timeout_s=60.0) == (["query"], [])
+
+
+def test_gathering_ends_when_its_time_is_over():
+    inbox = Inbox(capacity=100, gather_s=0.02)
+    for i in range(3):
+        inbox.put_arrival(arrival(i))
+        assert inbox.take(at_most=9, timeout_s=60.0)[1] == [arrival(i)]
+
+
+def test_gathering_ends_when_much_has_come():
+    inbox = Inbox(capacity=8, gather_s=60.0)
+    inbox.put_arrival(arrival(0))
+    inbox.take(at_most=9, timeout_s=60.0)
+    inbox.put_arrival(arrival(1))
+    sender = threading.Thread(target=inbox.put_arrival, args=(arrival(2),))
+    sender.start()
+    assert len(inbox.take(at_most=9, timeout_s=60.0)[1]) == 2
+    sender.join()
