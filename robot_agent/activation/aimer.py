@@ -15,9 +15,11 @@ from tagmap.geometry.scanner.drive import Drive, angles_of, nearest_steps, volts
 from tagmap.geometry.scanner.scanner import Scanner, point
 
 NEARER = 0.9
-ABREAST = 0.6
-SURE_SIGMAS = 2.5
-"""Of the reach: where the depth is right it is lit from there too, if aimed well."""
+ABREAST = (0.6, 0.8)
+"""Of the reach: where the depth is right it is lit from there too, if aimed well. The farther out,
+the less room is left for other tags."""
+SHARP_SIGMAS, SURE_SIGMAS = 2.5, 3.0
+"""Of the aim, from there to the edge of the reach: at least to be tried, and as chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +48,11 @@ class Aimer:
         rules = self.rules
         search = plan(cov_m, rules.reach_m, rules.most_shots, rules.search_sigmas)
         theta = np.broadcast_to(aims.theta, (len(target.others), 2))
-        others_m = point(self.scanner, theta, target.others).off
-        return Places(self, target, aims, search, others_m[np.isfinite(others_m).all(axis=1)])
+        there = point(self.scanner, theta, target.others)
+        with np.errstate(invalid="ignore"):
+            ahead = np.isfinite(there.off).all(axis=1) & (there.ahead > 0.0)
+        weights = None if target.weights is None else target.weights[ahead]
+        return Places(self, target, aims, search, there.off[ahead], weights)
 
     def steps_at(self, theta: Array) -> Steps | None:
         """None where mirrors or volts cannot."""
@@ -63,13 +68,15 @@ class Aimer:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """The likeliest first. `others_m` (M, 2): by how much the beam at the target passes others."""
+    """The likeliest first. `others_m` (M, 2): by how much the beam at the target passes others,
+    with the target's weights (M,)."""
 
     aimer: Aimer
     target: Target
     aims: Aims
     search: Search
     others_m: Array
+    weights: Array | None = None
 
     def __iter__(self) -> Iterator[Place]:
         for offset_m in self.search.offsets_m:
@@ -84,14 +91,14 @@ class Places:
         steps = aimer.steps_at(theta)
         if steps is None:
             return None
-        doubt = p_beside(self.search, offset_m, self.others_m, aimer.rules.reach_m)
+        doubt = p_beside(self.search, offset_m, self.others_m, aimer.rules.reach_m, self.weights)
         return Place(steps, angles_of(aimer.drive, np.array(steps)), offset_m, doubt)
 
     @property
     def is_sharp(self) -> bool:
         """Whether the aim is so good that a beam ABREAST of the target lights it all the same."""
         sigma_m = float(np.sqrt(np.linalg.eigvalsh(self.search.cov_m)[-1]))
-        return SURE_SIGMAS * sigma_m <= (1.0 - ABREAST) * self.aimer.rules.reach_m
+        return SHARP_SIGMAS * sigma_m <= (1.0 - ABREAST[0]) * self.aimer.rules.reach_m
 
     def abreast(self, place: Place, across: bool = False) -> list[Place]:
         """To both sides of a place, where a tag at another depth on the same ray of the left camera
@@ -100,6 +107,13 @@ class Places:
         nearer = point(scanner, self.aims.theta, NEARER * p_cam).off
         shift = nearer - point(scanner, self.aims.theta, p_cam).off
         shift = np.array([-shift[1], shift[0]]) if across else shift
-        step_m = ABREAST * self.aimer.rules.reach_m * shift / np.sqrt((shift**2).sum())
+        step_m = self._step_m(shift / np.sqrt((shift**2).sum()))
         sides = [self.beside(place.offset_m + side * step_m) for side in (1.0, -1.0)]
         return [side for side in sides if side is not None]
+
+    def _step_m(self, direction: Array) -> Array:
+        """Along a unit vector (2,): as near to the edge of the reach as the aim allows."""
+        reach_m = self.aimer.rules.reach_m
+        sigma_m = np.sqrt(direction @ self.search.cov_m @ direction)
+        step: Array = direction * reach_m * np.clip(1.0 - SURE_SIGMAS * sigma_m / reach_m, *ABREAST)
+        return step

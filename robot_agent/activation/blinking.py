@@ -6,12 +6,13 @@ import numpy as np
 
 from robot_agent.activation.aimer import Aimer, Place, Places
 from robot_agent.activation.commands import Act, Allow, Dark, Denied, Light, Listen, Wait
+from robot_agent.activation.doubt import p_false
 from robot_agent.activation.memory import Work
 from robot_agent.activation.shot import identified, silence
 from robot_agent.activation.sides import BOTH, sides
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Verdict
-from robot_agent.activation.window import turn_to
+from robot_agent.activation.window import failure_of, turn_to
 from robot_agent.laser.interlock import SECOND_NS, Permit
 from robot_agent.rfid.reader import Inventory
 from tagmap.arbitration.blink import Blink, BlinkRules, Reading
@@ -104,7 +105,7 @@ def _slot(rules: BlinkRules, begin_ns: int, on: bool) -> Act[list[Reading] | str
     yield Wait(listen_ns)
     reply = yield Listen(rules.listen_s)
     if not isinstance(reply.value, Inventory):
-        return str(getattr(reply.value, "detail", "the reader did not answer"))
+        return failure_of(reply.value)
     if reply.now_ns >= end_ns:
         return "the reader was late: its window ended in the next slot"
     return [Reading(tag.epc, listen_ns) for tag in reply.value.tags]
@@ -116,9 +117,11 @@ def _judged(
     judged = code.judge(found.readings)
     if judged.tag is None:
         return Verdict("ambiguous", judged.reason or "nothing follows the code")
-    p_false = place.p_beside + aimer.rules.p_match + judged.p_false
-    if p_false > aimer.rules.most_p_false:
-        return Verdict("ambiguous", f"{judged.tag} is another with probability {p_false:.1g}")
+    doubt = judged.p_false + p_false(
+        aimer.rules, places.target, judged.tag, place.p_beside, sides=False
+    )
+    if doubt > aimer.rules.most_p_false:
+        return Verdict("ambiguous", f"{judged.tag} is another with probability {doubt:.1g}")
     end_ns = found.now_ns + round(AFTER_S * SECOND_NS)
     yield Allow(lambda now_ns, s: now_ns + round(s * SECOND_NS) <= end_ns, None)
     seen = yield from sides(aimer.rules, places, place, judged.tag)
@@ -128,7 +131,7 @@ def _judged(
         yield from turn_to(place.steps)
     depth = seen.lit == BOTH
     verdict = yield from identified(
-        aimer.rules, place, judged.tag, p_false, "follows the code", depth, work
+        aimer.rules, place, judged.tag, doubt, "follows the code", depth, work
     )
     yield Dark()
     return verdict

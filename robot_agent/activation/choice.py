@@ -14,6 +14,9 @@ A shot at a spot that has a tag with probability p tells, in nats,
   S = cov_cam + sigma_map^2 I its noise. It counts as far as the spot does not carry the pose yet:
   p_new, the probability that it is unnamed.
 
+Where the two spots of a target may well be of two tags, no answer names it: its shot tells whether
+it is dark, and so no match, and nothing else.
+
 The time is expected too: silent windows up to the place where the tag answers, all of the search
 when there is none, and the proof when there is (Stone, Theory of Optimal Search, 1975: detection
 per effort). Divided by it, greedily, for shots do not wait for each other.
@@ -25,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_agent.activation.aimer import Aimer, Places
+from robot_agent.activation.doubt import is_nameable
 from robot_agent.activation.rules import ShotRules
 from robot_agent.activation.target import Target
 from tagmap.conventions import Array
@@ -69,12 +73,17 @@ def worth_of(target: Target, aimer: Aimer, belief: PoseBelief) -> Worth | None:
     center = places.beside(np.zeros(2))
     if center is None or center.p_beside > aimer.rules.most_p_false:
         return None
-    nats = target.p_tag * (
-        entropy(target.names) + p_unnamed(target.names) * pose_nats(target, belief)
-    )
+    nats = _nats(target, aimer.rules, belief)
     if not nats > 0.0:
         return None
     return Worth(target, nats, expected_s(places, target.p_tag, aimer.rules))
+
+
+def _nats(target: Target, rules: ShotRules, belief: PoseBelief) -> float:
+    if not is_nameable(rules, target):
+        return entropy({"dark": 1.0 - target.p_tag})
+    told = entropy(target.names) + p_unnamed(target.names) * pose_nats(target, belief)
+    return target.p_tag * told
 
 
 def p_unnamed(names: Mapping[str, float]) -> float:

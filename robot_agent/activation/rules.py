@@ -17,7 +17,7 @@ class ShotRules:
     search_sigmas  how far it goes
     tries          windows with more than one ID, before the verdict is ambiguous
     p_stray        that a tag which is not lit is heard in one window
-    p_match        that the two spots are of two tags, or a lamp, and the beam lights one of them
+    p_lit          where two spots are no match: that the right one's tag is lit, from all sides
     most_p_false   an identity that is wrong with more probability is none
     ask_s          an answer of the service that takes longer is none
     """
@@ -33,7 +33,7 @@ class ShotRules:
     search_sigmas: float = 3.5
     tries: int = 3
     p_stray: float = 1e-3
-    p_match: float = 4e-4
+    p_lit: float = 0.05
     most_p_false: float = 1e-3
     ask_s: float = 0.3
 

@@ -48,12 +48,16 @@ def p_within(away_m: Array, sigma_m: float, reach_m: float) -> Array:
     return p
 
 
-def p_beside(search: Search, offset_m: Array, others_m: Array, reach_m: float) -> float:
+def p_beside(
+    search: Search, offset_m: Array, others_m: Array, reach_m: float, weights: Array | None = None
+) -> float:
     """That a beam at offset_m (2,), which lit a tag, lit one of `others_m` (M, 2) and not the
-    target at (0, 0): Bayes, with all of them equally likely to be there."""
+    target at (0, 0): Bayes, with each of them so likely to be there as `weights` (M,) say, against
+    1 of the target; None: 1."""
     sigma_m = float(np.sqrt(np.linalg.eigvalsh(search.cov_m)[-1]))
     target = float(p_within(_norm(offset_m), sigma_m, reach_m))
-    others = float(p_within(_norm(others_m - offset_m), sigma_m, reach_m).sum())
+    each = p_within(_norm(others_m - offset_m), sigma_m, reach_m)
+    others = float((each if weights is None else weights * each).sum())
     return others / (target + others) if others > 0.0 else 0.0
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from robot_agent.activation.aimer import Aimer, Place, Places
 from robot_agent.activation.commands import Act, Dark
+from robot_agent.activation.doubt import p_false
 from robot_agent.activation.memory import Work, at_the_tag
 from robot_agent.activation.rules import ShotRules
 from robot_agent.activation.sides import BOTH, sides
@@ -68,6 +69,9 @@ def _look(shot: _Shot) -> Act[Window]:
 def _prove(shot: _Shot, places: Places, place: Place, tag: str, work: Work) -> Act[Verdict]:
     """The tag follows the light: silent in the dark, and alone again in the light."""
     rules = shot.rules
+    doubt = p_false(rules, places.target, tag, place.p_beside, places.is_sharp)
+    if doubt > rules.most_p_false:
+        return Verdict("ambiguous", f"{tag} answers, but its spots may be of two tags")
     window = yield from dark(rules)
     if window.failed:
         return Verdict("timeout", window.failed)
@@ -93,9 +97,8 @@ def _prove(shot: _Shot, places: Places, place: Place, tag: str, work: Work) -> A
             return Verdict("timeout", across.failed)
         if across.lit < min(BOTH, across.shots) or across.others:
             return Verdict("ambiguous", f"{tag} is not on the ray of the left spot")
-    p_false = place.p_beside + rules.p_match + rules.p_stray**2
     said = "alone in the light, silent in the dark"
-    return (yield from identified(rules, place, tag, p_false, said, seen.lit == BOTH, work))
+    return (yield from identified(rules, place, tag, doubt, said, seen.lit == BOTH, work))
 
 
 def identified(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from msgspec import UnsetType
 
-from robot_agent.perception.matching import Candidates, Matches, View
+from robot_agent.perception.matching import Matches, View
 from tagmap.conventions import Array
 from tagmap.records.arrays import covariance, upper, vector
 from tagmap.records.keyframe import Measurement
@@ -19,8 +19,10 @@ class Target:
     p_cam    (3,) with cov_cam (3, 3)
     z        what the sighting will say
     others   (M, 3) in cam: all other places where the two images may have a tag
+    weights  (M,) that there is one; None: as likely as the target
     names    probability of each name it may have; what is missing to 1 is tags that nobody knows
     p_tag    that there is a tag at all, and in the light when it is aimed at
+    p_match  that the two spots are not of one tag, and nothing else says where the right one's is
     """
 
     pair: tuple[int, int]
@@ -30,6 +32,8 @@ class Target:
     others: Array
     names: Mapping[str, float] = field(default_factory=dict)
     p_tag: float = 0.9
+    p_match: float = 0.0
+    weights: Array | None = None
 
     @property
     def left(self) -> Measurement:
@@ -43,26 +47,36 @@ class Target:
 def targets_of(matches: Matches, left: View, right: View) -> list[Target]:
     """The chosen matches of two views.
 
-    Whatever fits within the gate may be real, also what was not chosen.
+    Whatever fits within the gate may be real, also what was not chosen; and so may be whatever lies
+    on the ray of a spot that only one camera sees.
     """
-    chosen, all_of = matches.chosen, matches.hypotheses
-    return [
-        Target(
-            (i, j),
-            chosen.p_cam[k],
-            chosen.cov[k],
-            _stereo(left, right, i, j),
-            _others(all_of, i, j),
-            p_tag=0.5 if matches.ambiguous[k] else 0.9,
+    chosen = matches.chosen
+    targets = []
+    for k, (i, j) in enumerate(chosen.pairs.tolist()):
+        p_tag = 0.5 if matches.ambiguous[k] else 0.9
+        others, weights = _others(matches, i, j, p_tag)
+        targets.append(
+            Target(
+                (i, j),
+                chosen.p_cam[k],
+                chosen.cov[k],
+                _stereo(left, right, i, j),
+                others,
+                p_tag=p_tag,
+                p_match=float(matches.p_false[k]),
+                weights=weights,
+            )
         )
-        for k, (i, j) in enumerate(chosen.pairs.tolist())
-    ]
+    return targets
 
 
-def _others(hypotheses: Candidates, i: int, j: int) -> Array:
-    same = (hypotheses.pairs == np.array([i, j])).all(axis=1)
-    others: Array = hypotheses.p_cam[~same]
-    return others
+def _others(matches: Matches, i: int, j: int, p_tag: float) -> tuple[Array, Array]:
+    fits = matches.hypotheses
+    same = (fits.pairs == np.array([i, j])).all(axis=1)
+    places, p = matches.strays.beside((i, j))
+    # It is lit alone only where the target itself is dark, or not there.
+    weights = np.concatenate([np.ones(len(fits) - same.sum()), p * (1.0 - p_tag) / p_tag])
+    return np.concatenate([fits.p_cam[~same], places]), weights
 
 
 def _stereo(left: View, right: View, i: int, j: int) -> Measurement:

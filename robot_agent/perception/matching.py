@@ -3,7 +3,8 @@
 Two spots can be the same tag when both rays meet: the smallest reprojection error of any point, in
 units of its deviation, is chi2 distributed with one degree of freedom. Each spot takes part in at
 most one match. What geometry cannot decide, because several spots lie on one epipolar line, is
-decided by the smallest sum but flagged; the laser knows.
+decided by the smallest sum but flagged; the laser knows. Where both fluxes are known, how well they
+agree is a second degree of freedom, see brightness.
 
 The deviation is that of both spots and of the rig, which may be off by as much as the residuals of
 its calibration, `sigma_px`: how much of them was the boards' noise is not known, and no true pair
@@ -12,10 +13,14 @@ alone: an error of the rig is no noise, but moves all tags of a neighbourhood al
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from robot_agent.perception.assignment import assign, p_alone
+from robot_agent.perception.brightness import Likeness, cameras_agree, deviation
+from robot_agent.perception.strays import Strays, strays
+from robot_agent.perception.view import View as View
 from tagmap.conventions import Array, Index, Mask
 from tagmap.geometry import camera, stereo
 from tagmap.geometry.camera import Camera
@@ -24,14 +29,19 @@ from tagmap.geometry.stereo import StereoRig
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """chi2       of a pair; a true one exceeds 20 once in 130 000
+    """chi2       of a pair; a true one exceeds 20 once in 130 000, or in 22 000 with fluxes
     ambiguous  a match is open when a rival is that close in chi2, so at least 1/3000 as likely
     range_m    from the left camera
+    dark       a pair that the laser has found dark may be one tag for all that, one that is hidden
+               from the laser alone, or a lamp: that much in chi2 less likely than before
+    likeness   of the fluxes of one tag
     """
 
     chi2: float = 20.0
     ambiguous: float = 16.0
     range_m: tuple[float, float] = (0.1, 50.0)
+    dark: float = 4.6
+    likeness: Likeness = field(default_factory=Likeness)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +50,7 @@ class Candidates:
 
     pairs (K, 2)     indices (left, right)
     p_cam (K, 3)     most likely positions in m, with cov (K, 3, 3), both from the spots alone
-    chi2 (K,)        by the spots' covariances and what the rig may be off
+    chi2 (K,)        by the spots' covariances and what the rig may be off, and by their fluxes
     """
 
     pairs: Index
@@ -63,28 +73,20 @@ class Matches:
 
     chosen           the most likely one-to-one assignment
     ambiguous (K,)   of each chosen pair: whether one of its spots fits another nearly as well
+    p_false (K,)     likewise: that it is none, and its right spot's tag hidden from the left
+                     camera; where else that tag may be, the hypotheses say
     hypotheses       all pairs within the gate, the chosen ones among them
+    strays           where tags may be that only one camera sees
     unmatched_left, unmatched_right   indices of the spots without a partner
     """
 
     chosen: Candidates
     ambiguous: Mask
+    p_false: Array
     hypotheses: Candidates
+    strays: Strays
     unmatched_left: Index
     unmatched_right: Index
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """Spots of one camera: px (N, 2) raw, cov (N, 2, 2) in px^2, and which of them count (N,)."""
-
-    px: Array
-    cov: Array
-    usable: Mask
-
-    @property
-    def index(self) -> Index:
-        return np.flatnonzero(self.usable)
 
 
 def match(
@@ -95,19 +97,40 @@ def match(
     false_pairs: Iterable[tuple[int, int]] = (),
 ) -> Matches:
     """The most likely assignment. Again with `false_pairs` once the laser has proven some false."""
+    every = _fitting(rig, left, right, gate)
     false = set(false_pairs)
-    near = _near_epipolar(rig, left, right, gate)
-    pairs = [pair for pair in map(tuple, near.tolist()) if pair not in false]
-    hypotheses = _place(rig, left, right, np.array(pairs, np.int64).reshape(-1, 2), gate)
-    hypotheses = hypotheses.at(hypotheses.chi2 <= gate.chi2)
-    chosen, ambiguous = _assign(hypotheses, gate)
+    dark = np.array([pair in false for pair in map(tuple, every.pairs.tolist())], np.bool_)
+    hypotheses = every.at(~dark)
+    best, ambiguous = assign(hypotheses.pairs, hypotheses.chi2, gate.chi2, gate.ambiguous)
+    chosen = hypotheses.at(best)
+    cost = every.chi2 + np.where(dark, gate.dark, 0.0)
+    alone = p_alone(every.pairs, cost, gate.chi2, (left.usable, right.usable))
+    matched, unit = (chosen.pairs, chosen.p_cam), gate.likeness.unit
     return Matches(
-        hypotheses.at(chosen),
+        chosen,
         ambiguous,
+        alone[1][chosen.pairs[:, 1]],
         hypotheses,
-        np.setdiff1d(left.index, hypotheses.pairs[chosen, 0]),
-        np.setdiff1d(right.index, hypotheses.pairs[chosen, 1]),
+        strays(rig, (left, right), alone, matched, gate.range_m, unit),
+        np.setdiff1d(left.index, chosen.pairs[:, 0]),
+        np.setdiff1d(right.index, chosen.pairs[:, 1]),
     )
+
+
+def _fitting(rig: StereoRig, left: View, right: View, gate: Gate) -> Candidates:
+    """By geometry, and by flux where that can be trusted."""
+    near = _place(rig, left, right, _near_epipolar(rig, left, right, gate), gate)
+    near = near.at(near.chi2 <= gate.chi2)
+    if left.flux is None or right.flux is None or not len(near):
+        return near
+    i, j = near.pairs.T
+    off = deviation(rig, near.p_cam, left.flux[i], right.flux[j], gate.likeness)
+    chosen, _ = assign(near.pairs, near.chi2, gate.chi2, gate.ambiguous)
+    if not cameras_agree(off[chosen]):
+        return near
+    chi2 = near.chi2 + np.where(np.isfinite(off), off**2, 0.0)
+    order = np.argsort(chi2, kind="stable")
+    return replace(near, chi2=chi2).at(order[chi2[order] <= gate.chi2])
 
 
 def candidates(
@@ -175,56 +198,3 @@ def _place(rig: StereoRig, left: View, right: View, pairs: Index, gate: Gate) ->
     order = np.argsort(chi2, kind="stable")
     seen = ((distance_m >= least_m) & (distance_m <= most_m))[order]
     return Candidates(pairs, p_cam, cov, chi2).at(order[seen])
-
-
-def _assign(hypotheses: Candidates, gate: Gate) -> tuple[Index, Mask]:
-    """Indices of the chosen hypotheses, and whether each is ambiguous."""
-    chosen: list[int] = []
-    ambiguous: list[bool] = []
-    for part in _parts(hypotheses.pairs):
-        if len(part) == 1:
-            chosen.append(part[0])
-            ambiguous.append(False)
-            continue
-        pairs, chi2 = hypotheses.pairs[part], hypotheses.chi2[part]
-        for k in _cheapest(pairs, chi2, gate.chi2):
-            rivals = (pairs == pairs[k]).any(-1)
-            rivals[k] = False
-            chosen.append(part[k])
-            ambiguous.append(bool((chi2[rivals] - chi2[k] < gate.ambiguous).any()))
-    order = np.argsort(chosen, kind="stable")
-    return np.array(chosen, np.int64)[order], np.array(ambiguous, np.bool_)[order]
-
-
-def _parts(pairs: Index) -> list[list[int]]:
-    """Hypotheses that compete with each other, directly or through others."""
-    parts: list[list[int]] = []
-    spots: list[tuple[set[int], set[int]]] = []
-    for k, (i, j) in enumerate(pairs.tolist()):
-        touched = [n for n, (lefts, rights) in enumerate(spots) if i in lefts or j in rights]
-        merged = [k]
-        lefts, rights = {i}, {j}
-        for n in reversed(touched):
-            merged += parts.pop(n)
-            more_lefts, more_rights = spots.pop(n)
-            lefts |= more_lefts
-            rights |= more_rights
-        parts.append(sorted(merged))
-        spots.append((lefts, rights))
-    return parts
-
-
-def _cheapest(pairs: Index, chi2: Array, alone: float) -> list[int]:
-    """Pairs of the best one-to-one assignment, where two spots left alone cost `alone`."""
-    from scipy.optimize import linear_sum_assignment
-
-    lefts, rows = np.unique(pairs[:, 0], return_inverse=True)
-    rights, columns = np.unique(pairs[:, 1], return_inverse=True)
-    gain = np.zeros((len(lefts), len(rights)))
-    gain[rows, columns] = alone - chi2
-    number = np.full(gain.shape, -1)
-    number[rows, columns] = np.arange(len(pairs))
-    row, column = linear_sum_assignment(gain, maximize=True)
-    taken = gain[row, column] > 0.0
-    best: list[int] = number[row, column][taken].tolist()
-    return best

@@ -6,6 +6,7 @@ from fleet.simulation.shooting.view import Seen
 from fleet.simulation.views import WIDE_RIG
 from robot_agent.activation.aimer import Aimer
 from robot_agent.activation.choice import PoseBelief, Worth, worth_of
+from robot_agent.activation.doubt import is_nameable
 from robot_agent.activation.target import Target, targets_of
 from robot_agent.activation.verdict import Outcome
 from robot_agent.perception.matching import match
@@ -39,7 +40,8 @@ class Spots:
         for outcome in outcomes:
             pair = outcome.target.pair
             self._tries[pair] = self._tries.get(pair, 0) + 1
-            is_over = self._tries[pair] >= MOST_TRIES or outcome.verdict.kind not in AGAIN
+            again = outcome.verdict.kind in AGAIN and is_nameable(self._aimer.rules, outcome.target)
+            is_over = self._tries[pair] >= MOST_TRIES or not again
             if outcome.verdict.kind == "false_match":
                 self._false.add(pair)
                 self._match()

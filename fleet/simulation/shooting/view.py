@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.simulation.scanning import anywhere
+from fleet.simulation.shooting.glow import Glow, fluxes
 from fleet.simulation.views import WIDE_RIG
 from robot_agent.perception.matching import View
 from tagmap.conventions import Array
@@ -48,13 +49,16 @@ def look(rng: np.random.Generator, clutter: Clutter) -> Seen:
     px, _ = stereo.project(WIDE_RIG, p_cam)
     hidden = rng.random((2, len(p_cam))) < np.array([[clutter.hidden_left], [clutter.hidden_right]])
     seen = np.isfinite(px).all(axis=1) & ~hidden
+    # From a stream of its own, so that places and noise are the same with any glow.
+    shine = fluxes(rng.spawn(1)[0], WIDE_RIG, p_cam, Glow())
     views: list[View] = []
     names: list[list[int]] = []
     for side in (0, 1):
         order = rng.permutation(np.flatnonzero(seen[side]))
         noisy = px[order, 2 * side : 2 * side + 2] + SIGMA_PX * rng.standard_normal((len(order), 2))
         cov = np.tile(SIGMA_PX**2 * np.eye(2), (len(order), 1, 1))
-        views.append(View(noisy, cov, np.ones(len(order), dtype=bool)))
+        flux = np.stack([shine.flux[side, order], shine.sigma[side, order]], axis=-1)
+        views.append(View(noisy, cov, np.ones(len(order), dtype=bool), flux))
         names.append([number[k] for k in order])
     blocked = np.flatnonzero(rng.random(clutter.tags) < clutter.blocked).tolist()
     (left, right), (left_of, right_of) = views, names
