@@ -26,11 +26,13 @@ SECOND_NS = 1_000_000_000
 class Rules:
     """range_m  a robot further away from the tag cannot light it
     valid_s     of a job; `grace_s` after that its answer is no longer waited for
+    unseen_s    a robot that has not seen the tag of its job for so long has driven on
     pause_s     before a tag is tried again after a failure; doubles each time up to `most_s`
     """
 
     range_m: float = 30.0
     valid_s: float = 60.0
+    unseen_s: float = 5.0
     grace_s: float = 5.0
     pause_s: float = 10.0
     most_s: float = 3600.0
@@ -54,8 +56,11 @@ class Order:
 
 @dataclass(slots=True)
 class _Open:
+    """`seen_ns`: when the robot saw the tag last."""
+
     order: Order
     until_ns: int
+    seen_ns: int
 
 
 @dataclass(slots=True)
@@ -129,6 +134,7 @@ class Planner:
     def plan(self, seen: Mapping[str, Sequence[Seer]], now_ns: int, number: int) -> list[Order]:
         """New jobs for what is `seen`, by tag. A robot has one job at a time."""
         self._expire(now_ns)
+        self._let_go(seen, now_ns)
         busy = {out.order.robot for out in self._open.values()}
         orders: list[Order] = []
         for tag, seers in seen.items():
@@ -185,7 +191,7 @@ class Planner:
         valid_s = self.rules.valid_s
         order = Order(seer.robot, WriteJob(job=job, tag=tag, record=data, valid_s=valid_s))
         until_ns = now_ns + round((valid_s + self.rules.grace_s) * SECOND_NS)
-        self._open[tag] = _Open(order, until_ns)
+        self._open[tag] = _Open(order, until_ns, now_ns)
         return order
 
     def _is_able(self, seer: Seer) -> bool:
@@ -211,6 +217,15 @@ class Planner:
         for tag in over:
             robot = self._open.pop(tag).order.robot
             self._fail(tag, robot, f"no answer from {robot}", now_ns)
+
+    def _let_go(self, seen: Mapping[str, Sequence[Seer]], now_ns: int) -> None:
+        """Of jobs whose robot has driven on: nobody failed, and both may have other work. Should it
+        do its job all the same, what it reads back counts."""
+        for tag, out in list(self._open.items()):
+            if any(seer.robot == out.order.robot for seer in seen.get(tag, ())):
+                out.seen_ns = now_ns
+            elif now_ns - out.seen_ns > self.rules.unseen_s * SECOND_NS:
+                del self._open[tag]
 
     def _fail(self, tag: str, robot: str, reason: str, now_ns: int) -> None:
         known = self._memories[tag]

@@ -93,7 +93,8 @@ def test_too_far_away(seer):
 def test_silence_is_answered_by_another_robot():
     one = planner()
     (first,) = plan(one, NEAR, AWAY)
-    assert plan(one, AWAY, s=10.9) == []
+    for s in (4.0, 8.0, 10.9):
+        assert plan(one, NEAR, AWAY, s=s) == []
     assert plan(one, NEAR, AWAY, s=11.0) == []
     assert state(one, 11.0).reason == "no answer from r1"
     (second,) = plan(one, NEAR, AWAY, s=13.0)
@@ -132,6 +133,32 @@ def test_a_robot_has_one_job_at_a_time_and_is_told_it_again():
     assert (again.job, again.valid_s) == (orders[0].job.job, 6.0)
     assert one.job_of("r1", 10 * SECOND_NS) is None
     assert one.job_of("r2", 0) is None
+
+
+def test_who_has_driven_on_keeps_nobody_waiting():
+    one = planner()
+    (first,) = plan(one, NEAR)
+    assert plan(one, NEAR, AWAY, s=4.0) == []
+    assert plan(one, AWAY, s=8.0) == []
+    (second,) = plan(one, AWAY, s=9.1)
+    assert second.robot == "r2"
+    assert one.job_of("r1", 9 * SECOND_NS) is None
+    late = result(first, first.job.record.ljust(88, b"\0"))
+    one.answer("r1", late, round(9.5 * SECOND_NS))
+    assert state(one, 9.5).state == "pending"
+    one.answer("r2", result(second, late.read, "failed"), round(9.9 * SECOND_NS))
+    assert state(one, 9.9).state == "verified"
+
+
+def test_who_has_driven_on_gets_other_work():
+    one = planner()
+    one.wanted = {TAG: wanted(), "door": wanted()}
+    one.heard("door", bytes(88))
+    (first,) = one.plan({TAG: [NEAR]}, 0, UTC)
+    assert first.job.tag == TAG
+    assert one.plan({"door": [NEAR]}, 4 * SECOND_NS, UTC + 4) == []
+    (second,) = one.plan({"door": [NEAR]}, 6 * SECOND_NS, UTC + 6)
+    assert (second.robot, second.job.tag) == ("r1", "door")
 
 
 def test_what_was_read_is_believed_and_not_what_was_said():
