@@ -67,6 +67,7 @@ class Sensing(Background):
             verdict = outcome.verdict
             self._log.info(
                 f"shot {verdict.kind}",
+                t_ns=report.pose.t_ns,
                 tag=verdict.tag,
                 shots=verdict.shots,
                 reason=verdict.reason,

@@ -54,11 +54,11 @@ def _plan(plan: Plan, world: World, fault: Fault, all_of: list[Fault]) -> None:
         back_ns = at_ns + _ns(fault.for_s or DOWN_S["kill-router"])
         plan.cuts += [(name, at_ns, back_ns) for name in (*world.robots, SERVICE)]
     elif fault.kind == "partition":
-        plan.cuts += [(name, at_ns, _healed_ns(world, name, fault, all_of)) for name in whom]
+        plan.cuts += [(name, at_ns, healed_ns(world, name, fault, all_of)) for name in whom]
     elif fault.kind == "full-disk":
         plan.full.append(FullDisk(at_ns, until_ns))
     elif fault.kind == "power-cut-write":
-        plan.acts.append((at_ns, lambda: _cut_power(world)))
+        plan.acts.append((at_ns, lambda: cut_power(world)))
     elif fault.kind in WEATHER:
         spell = Spell(at_ns, until_ns, WEATHER[fault.kind])
         for name in whom:
@@ -69,7 +69,7 @@ def _kill(at_ns: int, fault: Fault) -> Kill:
     return Kill(at_ns, fault.for_s or DOWN_S[fault.kind])
 
 
-def _healed_ns(world: World, name: str, fault: Fault, all_of: list[Fault]) -> int | None:
+def healed_ns(world: World, name: str, fault: Fault, all_of: list[Fault]) -> int | None:
     """When it says so, else at the next `heal` for it, else never."""
     if fault.for_s:
         return world.start_ns + _ns(fault.at_s + fault.for_s)
@@ -81,7 +81,7 @@ def _healed_ns(world: World, name: str, fault: Fault, all_of: list[Fault]) -> in
     return world.start_ns + _ns(min(heals)) if heals else None
 
 
-def _cut_power(world: World) -> None:
+def cut_power(world: World) -> None:
     """Of each tag, in the middle of the record that is written to it next."""
     with world.scene.lock:
         for tag in world.scene.tags:
