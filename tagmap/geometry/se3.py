@@ -13,6 +13,8 @@ from tagmap.conventions import Array
 from tagmap.geometry import so3
 from tagmap.geometry.small_angle import cosine_remainder, mixed_remainder, sine_remainder
 
+_UNMOVED = np.eye(4)
+
 
 def from_p_R(p: Array, R: Array) -> Array:
     """Position (..., 3) and rotation (..., 3, 3) to (..., 4, 4)."""
@@ -83,7 +85,7 @@ def log(T: Array) -> Array:
 def inverse(T: Array) -> Array:
     """T_b_a of T_a_b."""
     if T.ndim == 2:
-        single = np.eye(4)
+        single = _UNMOVED.copy()
         single[:3, :3] = T[:3, :3].T
         single[:3, 3] = -(T[:3, 3] @ T[:3, :3])
         return single

@@ -85,6 +85,6 @@ def _stepped(T: Array, delta: Array) -> Array:
     """T @ exp(delta)."""
     if len(T) == 3:
         return T @ se2.exp(delta)
-    moved = np.eye(4)
+    moved = T.copy()
     rigid.exp_update(T, delta, moved)
     return moved

@@ -49,8 +49,9 @@ class Trail:
         i, odom = self._n, None if broken else keyframe.odom
         self._seq[i], self._t_ns[i], self._whole[i] = keyframe.seq, keyframe.t_ns, odom is not None
         self._state[i] = _BY_ODOMETRY
-        self._T_step[i], self._cov_step[i] = np.eye(self._D), 0.0
-        if odom is not None:
+        if odom is None:
+            self._T_step[i], self._cov_step[i] = np.eye(self._D), 0.0
+        else:
             self._T_step[i] = matrix(odom.T_prev_cur)
             self._cov_step[i] = unpack_upper(np.array(odom.cov), self._dof)
         self.newest.append(keyframe)

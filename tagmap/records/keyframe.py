@@ -64,6 +64,13 @@ class Measurement(Record, frozen=True, kw_only=True):
         """Raises ValueError unless exactly one form is present."""
         forms: list[Form] = []
         if self.stereo_px is not UNSET:
+            if (
+                self.mono_px is UNSET
+                and self.point_cam_m is UNSET
+                and self.range_m is UNSET
+                and self.bearing_rad is UNSET
+            ):
+                return "stereo_px"  # most are, and each is asked five times
             forms.append("stereo_px")
         if self.mono_px is not UNSET:
             forms.append("mono_px")
@@ -120,10 +127,10 @@ class Observation(Message, frozen=True, kw_only=True):
         if self.odom is not None and self.odom.T_prev_cur.kind != kind:
             raise ValueError(f"odom is {self.odom.T_prev_cur.kind}, T_base_cam is {kind}")
         for i, sighting in enumerate(self.sightings):
-            z = sighting.z
-            if z.form not in FORMS_OF_KIND[kind]:
-                raise ValueError(f"sightings[{i}] is {z.form}, which a {kind} problem cannot use")
-            if z.form == "point_cam_m" and len(z.values) != (3 if kind == "spatial" else 2):
+            z, form = sighting.z, sighting.z.form
+            if form not in FORMS_OF_KIND[kind]:
+                raise ValueError(f"sightings[{i}] is {form}, which a {kind} problem cannot use")
+            if form == "point_cam_m" and len(z.values) != (3 if kind == "spatial" else 2):
                 raise ValueError(
                     f"sightings[{i}].z.point_cam_m has {len(z.values)} numbers in a {kind} keyframe"
                 )
