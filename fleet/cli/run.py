@@ -12,9 +12,6 @@ if TYPE_CHECKING:
     from fleet.evaluation.scores.evidence import Evidence
     from fleet.simulation.world.world import World
 
-START_NS = 1_767_225_600_000_000_000
-"""When every world begins: the same run gives the same bytes."""
-
 
 @click.command()
 @click.argument("scenario", required=False)
@@ -98,6 +95,7 @@ def _world(
 ) -> "World":
     from msgspec.structs import replace
 
+    from fleet.running.scenario import START_NS
     from fleet.simulation.scenario.chaos import with_chaos
     from fleet.simulation.scenario.reading import read_scenario
     from fleet.simulation.world.build import build_world

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from fleet.simulation.world.world import World
 
 TAPE, LOG = "wire.tape", "log.jsonl"
+START_NS = 1_767_225_600_000_000_000
+"""When every world begins: the same run gives the same bytes."""
 
 
 def play_scenario(

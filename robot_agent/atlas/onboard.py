@@ -1,13 +1,16 @@
 """The robot's own pose, from tags it knows the places of, with no service needed.
 
-The same track as the service's carries it.
+The same track as the service's carries it. Pixels get what the rig may be off added to their
+noise: the service solves for that together with the map, the robot does not.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec.structs import replace
 
 from robot_agent.atlas.atlas import Chart
+from robot_agent.naming.sky import cautious
 from tagmap.conventions import Array
 from tagmap.errors import TagmapError
 from tagmap.geometry import se3
@@ -45,8 +48,10 @@ class OnBoard:
             self._track.interrupt()
 
     def see(self, T_base_cam: Array, sightings: tuple[Sighting, ...]) -> None:
+        sigma_px = self.rig.sigma_px
+        wide = [replace(one, z=cautious(one.z, sigma_px)) for one in sightings]
         try:
-            self._track.see(T_base_cam, sightings)
+            self._track.see(T_base_cam, wide)
         except _NUMERIC:
             self._track.interrupt()
 

@@ -21,6 +21,9 @@ from tagmap.records.keyframe import Measurement, Sighting
 
 Pair = tuple[int, int]
 
+UNEXPLAINED = 0.1
+"""Share of what the rig may be off."""
+
 
 @dataclass(slots=True)
 class Sky:
@@ -82,15 +85,14 @@ class Sky:
         return p_base, cov
 
     def sightings(self) -> tuple[Sighting, ...]:
-        """Of all that has a name, each tag once. What the rig may be off counts as noise: what the
-        map is solved for besides explains the most of it, but not the rest, which is not seen in
-        spots that are known to a few hundredths of a pixel.
+        """Of all that has a name, each tag once. What the rig may be off the map is solved for; a
+        little is left of it that no offset, scale or turn explains.
         """
         found: dict[str, Sighting] = {sighting.tag: sighting for sighting in self.lit.values()}
         for k, named in self.named():
             if named.tag not in found:
                 found[named.tag] = named.sighting(self.targets[k].z)
-        sigma_px = self.rig.sigma_px
+        sigma_px = UNEXPLAINED * self.rig.sigma_px
         return tuple(replace(one, z=cautious(one.z, sigma_px)) for one in found.values())
 
     def _match(self) -> None:

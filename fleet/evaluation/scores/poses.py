@@ -7,11 +7,11 @@ import numpy as np
 
 from fleet.evaluation import metrics
 from fleet.evaluation.scores.evidence import Evidence
-from fleet.evaluation.truth import at
+from fleet.evaluation.truth import TrueTrack, at
 from tagmap.conventions import Array, Index
 from tagmap.errors import RecordRefused
 from tagmap.records import Pose, decode
-from tagmap.records.arrays import covariance, matrix
+from tagmap.records.arrays import matrix
 from tagmap.store import SessionPoses
 
 IN_VIEW = 4
@@ -32,12 +32,10 @@ class Smoothed:
 @dataclass(frozen=True, slots=True)
 class Live:
     """Live poses of one robot in order of time (of the world): `error_m` NaN while lost;
-    in_view: named tags in the keyframe that it is of; nees (N,), NaN where there is none."""
+    in_view: named tags in the keyframe that it is of; heard_ns: when it was published."""
 
     t_ns: Index
     error_m: Array
-    heading_rad: Array
-    nees: Array
     in_view: Index
     heard_ns: Index
 
@@ -67,26 +65,33 @@ def live(evidence: Evidence, T_truth_of: Mapping[int, Array | None]) -> dict[str
         (keyframe.robot, keyframe.session, keyframe.t_ns): len(keyframe.sightings)
         for keyframe in evidence.keyframes
     }
-    rows: dict[str, list[tuple[int, float, float, float, int, int]]] = {}
+    given: dict[str, list[_Given]] = {}
     for heard_ns, robot, pose in _published(evidence):
         t_ns = evidence.world_ns(robot, pose.t_ns, pose.robot_session)
         view = views.get((robot, pose.robot_session, pose.t_ns), 0)
         T = T_truth_of.get(pose.map_version or 0)
-        T_true, known = at("spatial", evidence.tracks[robot], np.array([t_ns]))
-        numbers = (np.nan, np.nan, np.nan)
-        if pose.T_map_base is not None and T is not None and len(known):
-            numbers = _judged(T @ matrix(pose.T_map_base), pose, T_true[0])
-        rows.setdefault(robot, []).append((t_ns, *numbers, view, heard_ns))
-    return {robot: _stacked(found) for robot, found in rows.items()}
+        given.setdefault(robot, []).append(_Given(t_ns, heard_ns, view, T, pose))
+    return {robot: _judged(evidence.tracks[robot], rows) for robot, rows in given.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """A pose as it was published, and how the map that it is on lies in the truth."""
+
+    t_ns: int
+    heard_ns: int
+    in_view: int
+    T_truth_map: Array | None
+    pose: Pose
 
 
 def _published(evidence: Evidence) -> list[tuple[int, str, Pose]]:
     """Live poses of the service."""
     found = []
-    keys = evidence.keys
+    robots = {evidence.keys.pose(robot): robot for robot in evidence.world.robots}
     for heard in evidence.heard:
-        robot = keys.robot_of(heard.key)
-        if robot not in evidence.world.robots or heard.key != keys.pose(robot):
+        robot = robots.get(heard.key)
+        if robot is None:
             continue
         try:
             found.append((heard.t_ns, robot, decode(Pose, heard.payload)))
@@ -95,19 +100,26 @@ def _published(evidence: Evidence) -> list[tuple[int, str, Pose]]:
     return found
 
 
-def _judged(T_est: Array, pose: Pose, T_true: Array) -> tuple[float, float, float]:
-    error_m = float(metrics.position_errors(T_est[None], T_true[None])[0])
-    heading = float(_headings(T_est[None], T_true[None])[0])
-    if pose.cov is None:
-        return error_m, heading, np.nan
-    cov = covariance(pose.cov)[None]
-    return error_m, heading, float(metrics.pose_nees("spatial", T_est[None], cov, T_true[None])[0])
-
-
-def _stacked(rows: list[tuple[int, float, float, float, int, int]]) -> Live:
-    columns = list(zip(*sorted(rows), strict=True))
-    t_ns, error_m, heading, nees = (np.array(column) for column in columns[:4])
-    return Live(t_ns, error_m, heading, nees, np.array(columns[4]), np.array(columns[5]))
+def _judged(track: TrueTrack, rows: list[_Given]) -> Live:
+    rows = sorted(rows, key=lambda row: (row.t_ns, row.heard_ns))
+    t_ns = np.array([row.t_ns for row in rows], dtype=np.int64)
+    T_true, known = at("spatial", track, t_ns)
+    where = dict(zip(known.tolist(), T_true, strict=True))
+    error_m = np.full(len(rows), np.nan)
+    chosen = [
+        (k, row.T_truth_map @ matrix(row.pose.T_map_base), where[k])
+        for k, row in enumerate(rows)
+        if row.pose.T_map_base is not None and row.T_truth_map is not None and k in where
+    ]
+    if chosen:
+        index, T, truth = zip(*chosen, strict=True)
+        error_m[list(index)] = metrics.position_errors(np.array(T), np.array(truth))
+    return Live(
+        t_ns,
+        error_m,
+        np.array([row.in_view for row in rows]),
+        np.array([row.heard_ns for row in rows], dtype=np.int64),
+    )
 
 
 def p95_m(tracks: Mapping[str, Live]) -> float | None:
