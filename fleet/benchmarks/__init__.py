@@ -17,4 +17,5 @@ NAMES = (
     "scanner",
     "tag_memory",
     "activation",
+    "harness",
 )

@@ -30,7 +30,8 @@ def bench(
     data: Path | None,
 ) -> None:
     """Measure SUITE: startup, store, service, replay, spots, poses,
-    constellation, integrity or estimation.
+    constellation, integrity, estimation, scanner,
+    tag_memory, activation or harness.
 
     Every figure is the median of several runs in this one. Ratios to a reference that was measured
     alongside, and accuracies, are compared with the baseline; times are only shown.
