@@ -86,7 +86,7 @@ class Optimiser:
         self._reduced = Reduced(self._system)
         self._precondition = precondition
         self._damping = DAMPING_FIRST
-        self._mu = KEEP if options.robust else PLAIN
+        self._mu = self._survey_mu = KEEP if options.robust else PLAIN
         self._regroupings = 0
         self._renewals = 0
         self._products = 0
@@ -124,15 +124,29 @@ class Optimiser:
         c2 = sighted.c2[sighted.block[sighted.how]]
         given = self._options.first_mu
         self._mu = robust.first_mu(point.squares.sightings, c2) if given is None else given
-        return self._system.at(values, point.belief, self._kernel_mu())
+        self._survey_mu = self._first_survey_mu(point.squares.surveyed)
+        return self._system.at(values, point.belief, *self._kernel_mus())
+
+    def _first_survey_mu(self, r2: Array) -> float:
+        """A map that has not met its survey yet is as far from it as it is wrong itself.
+
+        That is many sigmas of a good survey, which would be cut off before the map can give way.
+        """
+        if self._mu >= robust.SHARPEST:
+            return self._mu
+        c2 = np.full(len(r2), robust.chi2_bound(self._problem.tag_dof))
+        return min(self._mu, robust.first_mu(r2, c2, robust.BLUNTEST_SURVEY))
 
     @property
     def _sharp(self) -> bool:
         return self._mu < 0.0 or self._mu >= robust.SHARPEST
 
-    def _kernel_mu(self) -> float:
-        """To kernels the sharpest weights are 0 or 1."""
-        return np.inf if self._mu >= robust.SHARPEST else self._mu
+    def _kernel_mus(self) -> tuple[float, float]:
+        """Of sightings and steps, and of surveys. To kernels the sharpest weights are 0 or 1."""
+        mu, survey_mu = (
+            np.inf if mu >= robust.SHARPEST else mu for mu in (self._mu, self._survey_mu)
+        )
+        return mu, survey_mu
 
     def _descend(self, point: Point) -> tuple[Point, bool] | None:
         """One accepted step, and whether it was the last; None if no damping helps."""
@@ -183,22 +197,26 @@ class Optimiser:
 
     def _try(self, point: Point, step: Step, model: bool) -> Point:
         if step.predicted <= SHARPEN_BELOW * max(point.cost, 1.0) and self._mu > 0.0:
-            self._mu = self._sharper(point.belief)
+            self._sharpen(point.belief)
         values = self._system.moved(point.values, step.poses, step.tags, step.calibration)
-        return self._system.at(values, point.belief, self._kernel_mu(), model)
+        return self._system.at(values, point.belief, *self._kernel_mus(), model)
 
-    def _sharper(self, belief: Belief) -> float:
+    def _sharpen(self, belief: Belief) -> None:
         """Where every factor is in or out already, sharper weights are the same ones."""
         if _is_decided(belief):
-            return robust.SHARPEST
-        return min(self._mu * self._options.mu_step, robust.SHARPEST)
+            self._mu = self._survey_mu = robust.SHARPEST
+        elif self._survey_mu < self._mu:
+            self._survey_mu = min(self._survey_mu * self._options.mu_step, self._mu)
+        else:
+            self._mu = min(self._mu * self._options.mu_step, robust.SHARPEST)
+            self._survey_mu = self._mu
 
     def _count_regrouping(self, point: Point, trial: Point) -> None:
         if self._mu < 0.0 or not self._sharp:
             return
         self._regroupings += not _same(point.belief, trial.belief)
         if self._regroupings >= self._options.max_regroupings:
-            self._mu = KEEP
+            self._mu = self._survey_mu = KEEP
 
     def _gauge(self, point: Point) -> Array | None:
         return free_directions(self._problem, point.values.p)

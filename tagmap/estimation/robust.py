@@ -29,6 +29,7 @@ LEAST_STEP = 1e-6
 SHARPEST = 100.0
 BLUNT = 1.0
 BLUNTEST = 1e-4
+BLUNTEST_SURVEY = 1e-8
 MOST = 0.95
 
 
@@ -53,14 +54,14 @@ def truncated(r2: Array, c2: float, mu: float) -> Array:
     return w
 
 
-def first_mu(r2: Array, c2: Array) -> float:
-    """mu at which the surrogate is convex for MOST residuals: c2 / (2 r2 - c2).
+def first_mu(r2: Array, c2: Array, least: float = BLUNTEST) -> float:
+    """mu at which the surrogate is convex for MOST residuals: c2 / (2 r2 - c2), at least `least`.
 
     Not for the worst: one wrong identity would make a good start begin all over again.
     """
     ratio = np.where(np.isfinite(r2), r2 / c2, np.inf)
     worst = float(np.quantile(ratio, MOST, method="higher")) if len(ratio) else 0.0
-    return float(np.clip(1.0 / max(2.0 * worst - 1.0, 1e-9), BLUNTEST, BLUNT))
+    return float(np.clip(1.0 / max(2.0 * worst - 1.0, 1e-9), least, BLUNT))
 
 
 def efficient(problem: Problem, weights: Weights) -> Weights:

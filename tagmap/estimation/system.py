@@ -140,9 +140,16 @@ class System:
         )
 
     def at(
-        self, values: Values, belief: Belief, mu: float = sightings.KEEP, model: bool = True
+        self,
+        values: Values,
+        belief: Belief,
+        mu: float = sightings.KEEP,
+        survey_mu: float = sightings.KEEP,
+        model: bool = True,
     ) -> Point:
         """Linearise, at new weights if mu is not KEEP; `asked` is the cost at the given ones.
+
+        survey_mu: likewise of the surveyed tags.
 
         Without `model` the linear model is left undefined: only costs are found.
         """
@@ -180,7 +187,7 @@ class System:
             unknowns.add_steps(self.packed.steps, steps_.T, step_w, values.calibration, linear)
         if self.packed.pose_pins.any():
             linear.diagonal[:, range(6), range(6)] += self.packed.pose_pins
-        own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, mu)
+        own, surveyed_w, surveyed_r2 = self._add_surveys(linear, values, belief.surveyed, survey_mu)
         prior_r2 = self._add_calibration_prior(linear, values)
         rest = float(prior_r2.sum()) + self._add_condensed(linear, values)
         return Point(

@@ -45,6 +45,37 @@ def test_enough_surveyed_tags_give_an_absolute_map(site: Site, surveyed: tuple[i
     assert {t.tag for t in solution.tags if t.state == "surveyed"} == {f"tag{i}" for i in surveyed}
 
 
+@pytest.mark.parametrize("sigma_m", [1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("surveyed", [(0, 4, 9), (0, 4, 9, 11)], ids=["three", "four"])
+def test_a_survey_may_be_much_better_than_the_map(
+    site: Site, surveyed: tuple[int, ...], sigma_m: float
+) -> None:
+    """The map is many sigmas of the survey away from it, but no more than it is wrong itself."""
+    world, sessions, truths = site
+    solution = solve(sessions, world.survey(surveyed, sigma_m))
+    assert solution.gauge == "anchored"
+    assert solution.report == ()
+    assert {t.tag for t in solution.tags if t.state == "surveyed"} == {f"tag{i}" for i in surveyed}
+    found = errors(world, solution, truths)
+    assert found.rmse_m < 0.01
+    for tag in solution.tags:
+        if tag.state == "surveyed":
+            np.testing.assert_allclose(tag.p, world.at(tag.tag), rtol=0.0, atol=4.0 * sigma_m)
+
+
+def test_a_wrong_one_of_very_good_surveys_is_named(site: Site) -> None:
+    """By a hand's breadth: far more than the map may be wrong."""
+    world, sessions, _ = site
+    surveys = world.survey((0, 3, 4, 8, 11), 1e-4)
+    x, y, z = surveys[2].p_m
+    surveys[2] = replace(surveys[2], p_m=(x + 0.1, y, z))
+    solution = solve(sessions, surveys)
+    assert solution.gauge == "anchored"
+    (line,) = solution.report
+    assert line.startswith("tag tag4: its surveyed position is 0.")
+    assert errors(world, solution).rmse_m < 0.01
+
+
 def test_too_few_surveyed_tags_leave_it_floating(site: Site) -> None:
     world, sessions, _ = site
     expected = solve(sessions, [])
