@@ -55,11 +55,12 @@ STANDS = Odometry(
 @dataclass(frozen=True, slots=True)
 class Frame:
     """One exposure: where the camera was on the robot, where the robot was by its odometry (None:
-    not known), and whether base and head stood, so that it may shoot."""
+    not known), whether its base stood, and whether its head did as well, so that it may shoot."""
 
     pair: StereoPair
     camera: CameraPose
     odom: OdomPose | None
+    stands: bool
     is_still: bool
 
 
@@ -183,9 +184,9 @@ class Agent:
         step = self._step_from(before, frame)
         self._tracker.move(step)
         self._onboard.move(step)
-        if not frame.is_still or step is None:
+        if not frame.stands or step is None:
             self._standing.leave()
-            if self._looking is not None and not frame.is_still:
+            if self._looking is not None and not frame.stands:
                 self._looking.forget()
         self._standing.look(frame.camera.angles)
         self._before = Moment(frame.pair.t_ns, frame.odom, frozenset(), frame.is_still)

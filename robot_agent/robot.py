@@ -76,10 +76,10 @@ class Robot:
 
     def _frame(self, pair: StereoPair, camera: CameraPose) -> Frame:
         odom = self._odom(pair.t_ns)
-        is_still = self._stands(pair.t_ns)
+        is_still = stands = self._stands(pair.t_ns)
         if self.head is not None:
             is_still &= self.head.is_still(camera.angles, self.now_ns())
-        return Frame(pair, camera, odom, is_still)
+        return Frame(pair, camera, odom, stands, is_still)
 
     def _odom(self, t_ns: int) -> OdomPose | None:
         if self.odometer is None:

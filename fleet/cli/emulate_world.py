@@ -121,6 +121,4 @@ def _tell(running: "WorldEmulators", tags: int) -> None:
         if robot.terminal is not None:
             where.append(f"pan-tilt {robot.terminal}")
         click.echo(f"{robot.name}: {robot.config}: {', '.join(where)}")
-    click.echo(
-        f"{len(running.robots)} robots among {tags} tags; what was surveyed: {running.survey}"
-    )
+    click.echo(f"{tags} tags around; what was surveyed of them: {running.survey}")

@@ -38,7 +38,7 @@ def test_it_says_where_everything_is_and_tags_remember(tmp_path: Path):
             config = tmp_path / "out" / "r2" / "robot.toml"
             assert robot.startswith(f"r2: {config}: cameras ")
             assert robot.endswith(f"pan-tilt {tmp_path / 'out' / 'r2' / 'pan-tilt'}\n")
-            assert summary.startswith("1 robots among 4 tags; what was surveyed: ")
+            assert summary.startswith("4 tags around; what was surveyed of them: ")
             cameras = open_cameras(read_config(config))
             assert cameras is not None
             with closing(cameras):
