@@ -102,6 +102,9 @@ def detect(image: Image, optics: Optics = Optics()) -> Spots:
     full_scale = float(full_scale_of(image, optics))
     if not (image.flags.c_contiguous and image.dtype.isnative):
         image = np.ascontiguousarray(image, image.dtype.newbyteorder("="))
+    # Whether it may be written to is part of its type: all alike, so that one is compiled.
+    image = image.view()
+    image.flags.writeable = False
     rows, flags, variance, background, n, merged = measure.spots(
         image, optics.threshold, optics.gain, full_scale, *optics.sigma_px, MOST
     )

@@ -307,7 +307,7 @@ def _steps(problem: Problem) -> Steps:
         T=_usable(poses_in_space(odometry.T)),
         how=how,
         information=information,
-        flat=own[:, *np.triu_indices(3)] if len(axes) == 3 else np.zeros((0, 6)),
+        flat=_usable(own[:, *np.triu_indices(3)]) if len(axes) == 3 else np.zeros((0, 6)),
         columns=_step_columns(odometry, n),
     )
 
