@@ -2,7 +2,7 @@
 
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -30,3 +30,20 @@ def interruptible() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+@contextmanager
+def ending_early() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C once: whether it was pressed, so that there is a result. Twice: as `interruptible`."""
+    pressed: list[int] = []
+
+    def press(number: int, _frame: FrameType | None) -> None:
+        if pressed:
+            raise KeyboardInterrupt
+        pressed.append(number)
+        click.echo("ending early; once more to give up", err=True)
+
+    with interruptible():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, press)
+        yield lambda: bool(pressed)

@@ -7,6 +7,7 @@ from fleet.cli.demo import demo
 from fleet.cli.emulate import emulate
 from fleet.cli.emulate_galvo import galvo
 from fleet.cli.emulate_world import world
+from fleet.cli.load import load
 from fleet.cli.replay import replay
 from fleet.cli.run import run
 from fleet.cli.thesis import thesis
@@ -21,5 +22,5 @@ def cli() -> None:
 
 for device in (galvo, world):
     emulate.add_command(device)
-for command in (demo, run, replay, emulate, bench, thesis):
+for command in (demo, run, replay, emulate, load, bench, thesis):
     cli.add_command(command)

@@ -13,8 +13,8 @@ from tagmap.records import Hello, Keyframe
 
 TAGS = 60
 SPACING_M = 3.0
-# Under these, robots see 6 to 12 tags almost everywhere.
-SPREAD_M = 2.5
+# Under these, robots see 6 to 12 tags almost everywhere, if they report no more than that.
+SPREAD_M, MOST = 2.5, 12
 # Ellipses reach into their neighbours', so that all robots share tags with others.
 REACH = (0.55, 0.75)
 HALF_AXIS_M = (5.0, 12.0)

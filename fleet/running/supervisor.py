@@ -147,6 +147,19 @@ class Supervisor:
         return left
 
     @property
+    def pids(self) -> dict[str, int]:
+        """Of router and service, as far as they were started."""
+        pids = {ROUTER: self._router.pid, SERVICE: self._service.pid}
+        return {name: pid for name, pid in pids.items() if pid is not None}
+
+    def require_running(self) -> None:
+        """For those who do not `tend`: TagmapError when router or service has ended."""
+        if self._router.poll() is not None:
+            raise TagmapError("the router ended")
+        if self._service.status is not None:
+            raise TagmapError(f"service failed: {self._service.last_words()}")
+
+    @property
     def finished(self) -> bool:
         """Every agent has seen everything it sent settled."""
         return all(agent.status == 0 for agent in self._agents.values())
