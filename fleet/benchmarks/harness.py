@@ -30,6 +30,9 @@ REACH_MM = {
 
 
 def measure(plan: Plan) -> Mapping[str, Sequence[float] | str]:
+    from fleet.running.one_thread import one_thread
+
+    one_thread()
     found: dict[str, Sequence[float] | str] = {}
     wrong = lost = 0
     for key in REACH_MM:

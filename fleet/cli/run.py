@@ -60,6 +60,9 @@ def run(
         return
     if scenario is None:
         raise click.UsageError("expected a scenario, or --list")
+    from fleet.running.one_thread import one_thread
+
+    one_thread()
     import time
 
     from fleet.evaluation.scores.scoring import find, score
