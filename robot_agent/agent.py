@@ -19,12 +19,14 @@ from robot_agent.atlas.onboard import OnBoard
 from robot_agent.atlas.served import ServedMap
 from robot_agent.backoff import Backoff
 from robot_agent.cameras.camera import StereoPair
+from robot_agent.jobs import Jobs
 from robot_agent.keyframes import Moment, Spacing, is_due
 from robot_agent.naming.belief import is_borne_out
 from robot_agent.naming.hunt import Hunt, Wishes
 from robot_agent.naming.named import Named
 from robot_agent.naming.sky import Sky
 from robot_agent.naming.standing import Standing
+from robot_agent.naming.strayed import Strayed
 from robot_agent.naming.tracker import Tracker
 from robot_agent.odometry.odometry import OdomPose
 from robot_agent.odometry.wheels import Wheels
@@ -35,6 +37,7 @@ from robot_agent.pan_tilt.unit import Angles
 from robot_agent.perception.matching import View
 from robot_agent.perception.spots import Optics, Spots, detect
 from tagmap.conventions import Array
+from tagmap.geometry import se3
 from tagmap.geometry.stereo import StereoRig
 from tagmap.localisation.constellation.expectation import Frame as Field
 from tagmap.localisation.constellation.gate import gate
@@ -44,8 +47,8 @@ from tagmap.records.arrays import transform, upper
 from tagmap.records.keyframe import MAX_SIGHTINGS, IdentifiedBy
 
 NEAREST_M, FURTHEST_M = 0.3, 30.0
-ANSWERED_NS = 5_000_000_000
-"""A job that comes again so soon after its answer was on its way when that was given."""
+MOST_WAIT_NS = 500_000_000
+"""For leave to ask for a lease: the robot has more to do than to wait for that."""
 STANDS = Odometry(
     T_prev_cur=Transform(p_m=(0.0, 0.0, 0.0), q_wxyz=(1.0, 0.0, 0.0, 0.0)),
     cov=upper(1e-10 * np.eye(6)),
@@ -118,8 +121,8 @@ class Agent:
         self._field = Field.of(rig, NEAREST_M, FURTHEST_M)
         self._tracker, self._standing = Tracker(), Standing()
         self._onboard = OnBoard(rig, session, atlas.chart())
-        self._jobs: dict[str, tuple[WriteJob, int]] = {}
-        self._answered: dict[str, tuple[int, int]] = {}
+        self._strayed = Strayed()
+        self._jobs = Jobs(work.robot)
         self._lit_ns: dict[str, int] = {}
         self._began_ns: int | None = None
         self._has_more = False
@@ -140,22 +143,25 @@ class Agent:
 
     def step(self, frame: Frame, news: News, now_ns: int) -> Act[Report]:
         """`now_ns` is the interlock's clock."""
-        chart = self._hear(news, now_ns)
-        self._move(frame)
+        results = self._jobs.hear(news.jobs, now_ns)
+        chart = self._hear(news.served)
+        self._move(frame, now_ns)
         self._has_more = False
         sky = self._see(frame)
         self._follow(sky)
         self._gate(sky)
         self._recognise(sky)
         outcomes: list[Outcome] = []
-        if frame.is_still and self._shooter is not None and not self._backoff.wait_s(1e-9 * now_ns):
-            outcomes = yield from self._shoot(self._shooter, sky, now_ns)
+        shooter = self._shooter
+        if frame.is_still and shooter is not None and self._may_ask(shooter, now_ns):
+            outcomes = yield from self._shoot(shooter, sky, now_ns)
+            results += [o.verdict.result for o in outcomes if o.verdict.result is not None]
         chart = self._remember(sky, outcomes) or chart
         observation = self._keyframe(sky, frame)
         return Report(
             observation,
             self._onboard.pose(frame.pair.t_ns),
-            tuple(o.verdict.result for o in outcomes if o.verdict.result is not None),
+            tuple(results),
             tuple(outcomes),
             self._look(sky, frame),
             tuple(sky.names.values()),
@@ -163,13 +169,8 @@ class Agent:
             int(sky.left.usable.sum()),
         )
 
-    def _hear(self, news: News, now_ns: int) -> Chart | None:
-        for job in news.jobs:
-            number, answered_ns = self._answered.get(job.tag, (None, 0))
-            if job.job != number or now_ns - answered_ns > ANSWERED_NS:
-                self._jobs[job.tag] = job, now_ns + round(1e9 * job.valid_s)
-        self._jobs = {tag: one for tag, one in self._jobs.items() if one[1] > now_ns}
-        if news.served is None or not self._atlas.serve(news.served):
+    def _hear(self, served: ServedMap | None) -> Chart | None:
+        if served is None or not self._atlas.serve(served):
             return None
         return self._turn_to_new_chart()
 
@@ -178,7 +179,7 @@ class Agent:
         self._onboard.turn_to(chart)
         return chart
 
-    def _move(self, frame: Frame) -> None:
+    def _move(self, frame: Frame, now_ns: int) -> None:
         """Everything that is known of places follows the odometry to this exposure."""
         before = self._before
         step = self._step_from(before, frame)
@@ -188,7 +189,7 @@ class Agent:
             self._standing.leave()
             if self._looking is not None and not frame.stands:
                 self._looking.forget()
-        self._standing.look(frame.camera.angles)
+        self._standing.look(frame.camera.angles, now_ns)
         self._before = Moment(frame.pair.t_ns, frame.odom, frozenset(), frame.is_still)
 
     def _step_from(self, before: Moment | None, frame: Frame) -> Odometry | None:
@@ -230,27 +231,27 @@ class Agent:
         self._take(sky, found, "constellation")
 
     def _take(self, sky: Sky, found: Identity, id_by: IdentifiedBy) -> None:
-        ids = self._onboard.chart.catalogue.ids
+        chart = self._onboard.chart
         for k, row in enumerate(found.tag.tolist()):
-            if row < 0:
+            if row < 0 or self._strayed.is_still(chart.catalogue.ids[row], chart.table):
                 continue
+            tag, p_false = chart.catalogue.ids[row], float(found.p_false[k])
             known = sky.names.get(sky.targets[k].pair)
-            if known is None and not any(n.tag == ids[row] for n in sky.names.values()):
-                sky.name(k, Named(ids[row], id_by, float(found.p_false[k])))
-            elif known is not None and known.tag == ids[row]:
-                p_false = min(known.p_false, float(found.p_false[k]))
-                sky.name(k, replace(known, p_false=p_false))
-            elif known is not None and not self._is_proven(known.tag):
+            if known is None and not any(n.tag == tag for n in sky.names.values()):
+                sky.name(k, Named(tag, id_by, p_false))
+            elif known is not None and known.tag == tag:
+                sky.name(k, replace(known, p_false=min(known.p_false, p_false)))
+            elif known is not None and not known.is_lit:
                 self._tracker.drop(known.tag)
                 sky.unname(known.tag)
 
-    def _is_proven(self, tag: str) -> bool:
-        """By this robot's own light, not long ago: then a map that says otherwise is old."""
-        return tag in self._lit_ns
+    def _may_ask(self, shooter: Shooter, now_ns: int) -> bool:
+        is_soon = shooter.holder.ask_at_ns - now_ns <= MOST_WAIT_NS
+        return is_soon and not self._backoff.wait_s(1e-9 * now_ns)
 
     def _shoot(self, shooter: Shooter, sky: Sky, now_ns: int) -> Act[list[Outcome]]:
         hunt = Hunt(sky, shooter.aimer, self._belief(sky), self._wishes(now_ns), self._standing)
-        work = replace(self._work, jobs={tag: job for tag, (job, _) in self._jobs.items()})
+        work = replace(self._work, jobs=self._jobs.open)
         outcomes = yield from turn(shooter, hunt, work, now_ns)
         self._has_more = hunt(outcomes) is not None
         if outcomes and all(outcome.verdict.kind == "timeout" for outcome in outcomes):
@@ -259,11 +260,11 @@ class Agent:
         elif outcomes:
             self._backoff.succeeded()
         for outcome in outcomes:
-            if outcome.verdict.tag is not None:
-                self._lit_ns[outcome.verdict.tag] = outcome.ended_ns
-            if (result := outcome.verdict.result) is not None:
-                self._jobs.pop(result.tag, None)
-                self._answered[result.tag] = result.job, outcome.ended_ns
+            tag, result = outcome.verdict.tag, outcome.verdict.result
+            if tag is not None and tag not in hunt.contradicted:
+                self._lit_ns[tag] = outcome.ended_ns
+            if result is not None:
+                self._jobs.answer(result)
         return outcomes
 
     def _belief(self, sky: Sky) -> PoseBelief:
@@ -281,20 +282,33 @@ class Agent:
             if confirm_s and (lit_ns := self._lit_ns.get(tag, began_ns)) <= limit_ns
         }
         doubtful = sorted(last_ns, key=lambda tag: last_ns[tag])
-        return Wishes(set(self._jobs), doubtful, self._habits.write_range_m)
+        return Wishes(self._jobs.open.keys(), doubtful, self._habits.write_range_m)
 
     def _remember(self, sky: Sky, outcomes: Sequence[Outcome]) -> Chart | None:
         """For the next exposure, and what was read in tags."""
         p_base, cov = sky.places()
+        self._tracker.drop_seen_but({named.tag for named in sky.names.values()})
         for k, named in sky.named():
             if named.is_place:
-                self._tracker.keep(named.tag, p_base[k], cov[k], named.p_false)
+                self._tracker.keep(named, p_base[k], cov[k])
+                if named.id_by == "laser":
+                    self._compare(named.tag, p_base[k], cov[k])
         read = [
             self._atlas.read(o.verdict.tag, o.verdict.memory)
             for o in outcomes
             if o.verdict.tag is not None and o.verdict.memory is not None
         ]
         return self._turn_to_new_chart() if any(read) else None
+
+    def _compare(self, tag: str, p_base: Array, cov: Array) -> None:
+        """Where it was lit, with where the map has it."""
+        now = self._onboard.live()
+        if now.T_map_base is None or now.cov is None:
+            return
+        R, lever = now.T_map_base[:3, :3], se3.act_jacobian(now.T_map_base, p_base)
+        S = R @ cov @ R.T + lever @ now.cov @ lever.T
+        p_map = se3.act(now.T_map_base, p_base)
+        self._strayed.learn(tag, p_map, S, self._onboard.chart.table)
 
     def _keyframe(self, sky: Sky, frame: Frame) -> Observation | None:
         sightings = sky.sightings()[:MAX_SIGHTINGS]

@@ -8,8 +8,10 @@ light would show it.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from robot_agent.activation.aimer import Aimer
-from robot_agent.activation.choice import PoseBelief, best
+from robot_agent.activation.choice import PoseBelief, Worth, worth_of
 from robot_agent.activation.target import Target
 from robot_agent.activation.verdict import Outcome, distance_m
 from robot_agent.naming.named import Named
@@ -19,6 +21,8 @@ from tagmap.conventions import Array
 from tagmap.geometry import se3
 
 WRITE_RANGE_M = 30.0
+MOST_WEIGHED = 24
+"""Spots without a name: to weigh one takes milliseconds, and the sun makes hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +37,21 @@ class Wishes:
 
 @dataclass(slots=True)
 class Hunt:
-    """A `Choose` for one turn in one exposure; names go into `sky`."""
+    """A `Choose` for one turn in one exposure; names go into `sky`.
+
+    `contradicted`: tags that were lit at more than one spot, as beside a mirror: none is theirs.
+    """
 
     sky: Sky
     aimer: Aimer
     belief: PoseBelief
     wishes: Wishes
     standing: Standing
+    contradicted: set[str] = field(default_factory=set)
     _taken: int = 0
     _done: set[str] = field(default_factory=set)
     _passed: set[Pair] = field(default_factory=set)
+    _weighed: dict[Pair, tuple[Target, Worth | None]] = field(default_factory=dict)
 
     def __call__(self, outcomes: Sequence[Outcome]) -> Target | None:
         self.learn(outcomes)
@@ -71,12 +80,37 @@ class Hunt:
         sighting = outcome.sighting()
         assert sighting is not None
         pair, verdict = outcome.target.pair, outcome.verdict
+        self._done.add(tag)
+        elsewhere = [other for other in self._lit_at(tag) if other != pair]
+        if elsewhere or tag in self.contradicted:
+            self._contradict(tag, outcome.target, elsewhere)
+            return
+        before = self.sky.names.get(pair)
+        was_placed = before is not None and before.tag == tag and before.is_place
+        is_place = verdict.depth or was_placed
         self.sky.unname(tag)
         self.sky.names[pair] = Named(
-            tag, "laser", verdict.p_false, outcome.lease, sighting.memory, verdict.depth
+            tag, "laser", verdict.p_false, outcome.lease, sighting.memory, is_place, is_lit=True
         )
         self.sky.lit[pair] = sighting
-        self._done.add(tag)
+        if not is_place:
+            # Its name cannot be carried on; to light it again from here would tell the same.
+            self.standing.tried(self._p_base(outcome.target), final=True)
+
+    def _lit_at(self, tag: str) -> list[Pair]:
+        """Where else in view it has its name by light, of now or carried since."""
+        named = [pair for pair, one in self.sky.names.items() if one.tag == tag and one.is_lit]
+        return named + [pair for pair, one in self.sky.lit.items() if one.tag == tag]
+
+    def _contradict(self, tag: str, target: Target, elsewhere: list[Pair]) -> None:
+        self.contradicted.add(tag)
+        self.sky.unname(tag)
+        there = {other.pair: other for other in self.sky.targets}
+        for pair in {target.pair, *elsewhere}:
+            self.sky.lit.pop(pair, None)
+            self._passed.add(pair)
+            if pair in there:
+                self.standing.tried(self._p_base(there[pair]), final=True)
 
     def _to_write(self) -> Target | None:
         """The nearest."""
@@ -99,15 +133,40 @@ class Hunt:
         ]
 
     def _unknown(self) -> Target | None:
+        worths = [self._worth(target) for target in self._nearest_open()]
+        most = max((worth for worth in worths if worth), key=_nats_per_ms, default=None)
+        return None if most is None else most.target
+
+    def _nearest_open(self) -> list[Target]:
+        """Spots without a name that can be shot at, not all of them."""
         open_ones = [self.sky.targets[k] for k in self.sky.unnamed()]
-        worth = best([t for t in open_ones if not self._is_vain(t)], self.aimer, self.belief)
-        return None if worth is None else worth.target
+        open_ones = [target for target in open_ones if target.pair not in self._passed]
+        if not open_ones:
+            return []
+        p_base = se3.act(self.sky.T_base_cam, np.array([t.p_cam for t in open_ones]))
+        vain = self.standing.are_vain(p_base)
+        left = [t for t, is_vain in zip(open_ones, vain, strict=True) if not is_vain]
+        return sorted(left, key=distance_m)[:MOST_WEIGHED]
+
+    def _worth(self, target: Target) -> Worth | None:
+        """Worked out once for each target of this exposure: matching anew makes others."""
+        known, worth = self._weighed.get(target.pair, (None, None))
+        if known is not target:
+            worth = worth_of(target, self.aimer, self.belief)
+            self._weighed[target.pair] = target, worth
+        return worth
 
     def _as_known(self, target: Target, named: Named) -> Target:
         return replace(target, names={named.tag: 1.0 - named.p_false})
 
     def _is_vain(self, target: Target) -> bool:
-        return target.pair in self._passed or self.standing.is_vain(self._p_base(target))
+        if target.pair in self._passed:
+            return True
+        return bool(self.standing.are_vain(self._p_base(target)[None])[0])
 
     def _p_base(self, target: Target) -> Array:
         return se3.act(self.sky.T_base_cam, target.p_cam)
+
+
+def _nats_per_ms(worth: Worth) -> float:
+    return worth.nats_per_ms

@@ -11,6 +11,8 @@ class Named:
     lease    under which it was lit, if it was
     memory   of the tag, where it was read just now
     is_place whether the spots of both images are certainly of this tag; else only the left one is
+    is_lit   whether this robot has lit it, and followed it since: then a map that says otherwise is
+             old
     """
 
     tag: str
@@ -19,6 +21,7 @@ class Named:
     lease: int | None = None
     memory: bytes | None = None
     is_place: bool = True
+    is_lit: bool = False
 
     def sighting(self, z: Measurement) -> Sighting:
         return Sighting(

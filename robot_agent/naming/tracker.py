@@ -7,6 +7,7 @@ volume of the gate times how densely spots are strewn, times how likely it is to
 is much for one that was out of sight before and little for one that was seen a moment ago.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,13 +30,14 @@ _BALL = 4.0 / 3.0 * np.pi
 @dataclass(frozen=True, slots=True)
 class Trace:
     """`p_base` (3,) with `cov` (3, 3) now; `p_false` of the name; unseen: exposures since it was
-    last seen."""
+    last seen; is_lit: the name goes back to light."""
 
     tag: str
     p_base: Array
     cov: Array
     p_false: float
     unseen: int = 0
+    is_lit: bool = False
 
 
 class Tracker:
@@ -56,31 +58,42 @@ class Tracker:
         cov = R @ np.array([trace.cov for trace in traces]) @ R.T
         cov = cov + lever @ covariance(step.cov) @ lever.swapaxes(-1, -2)
         for trace, p, S in zip(traces, p_base, cov, strict=True):
-            self.traces[trace.tag] = Trace(trace.tag, p, S, trace.p_false, trace.unseen)
+            self.traces[trace.tag] = Trace(
+                trace.tag, p, S, trace.p_false, trace.unseen, trace.is_lit
+            )
 
     def follow(self, p_base: Array, cov: Array) -> dict[int, Named]:
         """Names of places p_base (N, 3) with cov (N, 3, 3), by their row; each is seen now."""
         traces = list(self.traces.values())
         for one in traces:
-            self.traces[one.tag] = Trace(one.tag, one.p_base, one.cov, one.p_false, one.unseen + 1)
+            self.traces[one.tag] = Trace(
+                one.tag, one.p_base, one.cov, one.p_false, one.unseen + 1, one.is_lit
+            )
         found: dict[int, Named] = {}
         if traces and len(p_base):
             chi2, volume = _distances(traces, p_base, cov)
             for t, k in np.argwhere(_is_clear(chi2)).tolist():
-                p_gone = P_GONE if traces[t].unseen else P_GOES
-                p_false = traces[t].p_false + p_gone * PER_M3 * float(volume[t, k])
+                trace = traces[t]
+                p_gone = P_GONE if trace.unseen else P_GOES
+                p_false = trace.p_false + p_gone * PER_M3 * float(volume[t, k])
                 if p_false <= MOST_P_FALSE:
-                    found[k] = Named(traces[t].tag, "track", p_false)
-                    self.keep(traces[t].tag, p_base[k], cov[k], p_false)
+                    found[k] = named = Named(trace.tag, "track", p_false, is_lit=trace.is_lit)
+                    self.keep(named, p_base[k], cov[k])
         self._forget()
         return found
 
-    def keep(self, tag: str, p_base: Array, cov: Array, p_false: float) -> None:
+    def keep(self, named: Named, p_base: Array, cov: Array) -> None:
         """It is here now."""
-        self.traces[tag] = Trace(tag, p_base, cov, p_false)
+        self.traces[named.tag] = Trace(named.tag, p_base, cov, named.p_false, 0, named.is_lit)
 
     def drop(self, tag: str) -> None:
         self.traces.pop(tag, None)
+
+    def drop_seen_but(self, tags: Collection[str]) -> None:
+        """Of those that were followed to this exposure: others have lost their name in it."""
+        for tag, trace in tuple(self.traces.items()):
+            if not trace.unseen and tag not in tags:
+                del self.traces[tag]
 
     def _forget(self) -> None:
         gone = [tag for tag, trace in self.traces.items() if trace.unseen > LONGEST_UNSEEN]

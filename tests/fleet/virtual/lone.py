@@ -4,6 +4,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec.structs import replace
 
 from fleet.simulation.scenario.reading import read_scenario
 from fleet.simulation.world.build import build_world
@@ -39,12 +40,15 @@ def small_world(folder, text=ROOM, seed=1):
 
 @dataclass
 class Lone:
-    """`news` are handed to the agent one per exposure; `grants`: whether there is a service."""
+    """`news` are handed to the agent one per exposure; `grants`: whether there is a service;
+    `settings`: of the agent, instead of the usual ones."""
 
     world: object
     news: list = field(default_factory=list)
     grants: bool = True
     atlas: object = None
+    settings: dict = field(default_factory=dict)
+    agent: object = None
     reports: list = field(default_factory=list)
     leases: int = 0
 
@@ -60,11 +64,13 @@ class Lone:
 
     def _live(self, until, opened):
         config = config_of(self.robot, "site", 1)
+        config = replace(config, agent=replace(config.agent, **self.settings))
         self.atlas = self.atlas or atlas_of(config)
         gear = gear_of(self.world, self.robot, self.time)
         company = Company(self._lease, lambda: self.news.pop(0) if self.news else News())
         rng, health = np.random.default_rng(5), Health("r1")
         robot = assemble(config, gear, self.atlas, "s-0000001", company, health, rng, opened)
+        self.agent = robot.agent
         while not until(self):
             report = robot.cycle()
             assert robot.failure is None or robot.failure.reason != "ended", "the world is over"
@@ -87,10 +93,11 @@ class Lone:
     def identified(self):
         return {o.verdict.tag for o in self.outcomes if o.verdict.kind == "identified"}
 
-    def wrong(self):
-        """Sightings of keyframes that are not where their tag's spot is, in pixels."""
+    def wrong(self, since=0):
+        """Sightings of keyframes that are not where their tag's spot is, in pixels; of reports
+        from `since` on."""
         found = []
-        for observation in (r.observation for r in self.reports if r.observation):
+        for observation in (r.observation for r in self.reports[since:] if r.observation):
             t_ns = self.robot.world_ns(observation.t_ns)
             T_cam_map = se3.inverse(self.robot.T_map_cam(t_ns))
             tags = self.world.tags(t_ns)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robot_agent.naming.named import Named
 from robot_agent.naming.tracker import LONGEST_UNSEEN, Tracker
 from tagmap.geometry import se3
 from tagmap.records import Odometry
@@ -18,7 +19,7 @@ def odometry(xi, sigma=1e-3):
 def tracker(**places):
     found = Tracker()
     for tag, p in places.items():
-        found.keep(tag, np.array(p, dtype=float), COV, 1e-4)
+        found.keep(Named(tag, "gate", 1e-4), np.array(p, dtype=float), COV)
     return found
 
 
