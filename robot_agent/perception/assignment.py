@@ -5,6 +5,8 @@ less likely it is that each of two tags is hidden from the other camera and fits
 same. The best assignment has the least sum.
 """
 
+import math
+
 import numpy as np
 
 from tagmap.conventions import Array, Index, Mask
@@ -37,13 +39,20 @@ def p_alone(
     p = [side.astype(np.float64) for side in usable]
     for part in _parts(pairs):
         competing, costs = pairs[part], chi2[part]
+        if len(part) == 1:
+            i, j = competing[0].tolist()
+            p[0][i] = p[1][j] = _p_alone(_gain(competing, costs, alone))
+            continue
         best = _gain(competing, costs, alone)
         for side in (0, 1):
             for spot in np.unique(competing[:, side]):
                 rest = competing[:, side] != spot
-                loss = best - _gain(competing[rest], costs[rest], alone)
-                p[side][spot] = 1.0 / (1.0 + np.exp(0.5 * loss))
+                p[side][spot] = _p_alone(best - _gain(competing[rest], costs[rest], alone))
     return p[0], p[1]
+
+
+def _p_alone(loss: float) -> float:
+    return 1.0 / (1.0 + math.exp(0.5 * loss))
 
 
 def _parts(pairs: Index) -> list[list[int]]:

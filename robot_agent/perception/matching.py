@@ -22,8 +22,7 @@ from robot_agent.perception.brightness import Likeness, cameras_agree, deviation
 from robot_agent.perception.strays import Strays, strays
 from robot_agent.perception.view import View as View
 from tagmap.conventions import Array, Index, Mask
-from tagmap.geometry import camera, stereo
-from tagmap.geometry.camera import Camera
+from tagmap.geometry import stereo
 from tagmap.geometry.stereo import StereoRig
 
 
@@ -112,8 +111,8 @@ def match(
         alone[1][chosen.pairs[:, 1]],
         hypotheses,
         strays(rig, (left, right), alone, matched, gate.range_m, unit),
-        np.setdiff1d(left.index, chosen.pairs[:, 0]),
-        np.setdiff1d(right.index, chosen.pairs[:, 1]),
+        _others(left, chosen.pairs[:, 0]),
+        _others(right, chosen.pairs[:, 1]),
     )
 
 
@@ -133,6 +132,12 @@ def _fitting(rig: StereoRig, left: View, right: View, gate: Gate) -> Candidates:
     return replace(near, chi2=chi2).at(order[chi2[order] <= gate.chi2])
 
 
+def _others(view: View, matched: Index) -> Index:
+    usable = view.usable.copy()
+    usable[matched] = False
+    return np.flatnonzero(usable)
+
+
 def candidates(
     rig: StereoRig,
     left: View,
@@ -148,34 +153,19 @@ def candidates(
 
 
 def _near_epipolar(rig: StereoRig, left: View, right: View, gate: Gate) -> Index:
-    """Pairs (K, 2) within twice the gate by Sampson's first-order chi2 (Luong & Faugeras 1996).
+    """Pairs (K, 2) within twice the gate, to first order."""
+    from robot_agent.perception.epipolar import near
 
-    e = x_right' E x_left over its variance, from the covariances of both rays, the rig's included.
-    """
     i, j = left.index, right.index
-    x_left, cov_left = _rays(rig.left, left, i, rig.sigma_px)
-    x_right, cov_right = _rays(rig.right, right, j, rig.sigma_px)
-    lines = x_left @ _essential(rig).T
-    lines_back = x_right @ _essential(rig)
-    error = x_right @ lines.T
-    variance = np.einsum("ia,jab,ib->ji", lines[:, :2], cov_right, lines[:, :2]) + np.einsum(
-        "ja,iab,jb->ji", lines_back[:, :2], cov_left, lines_back[:, :2]
+    pairs = near(
+        (rig.left.array, rig.right.array),
+        _essential(rig),
+        (left.px[i], right.px[j]),
+        (left.cov[i], right.cov[j]),
+        rig.sigma_px,
+        2.0 * gate.chi2,
     )
-    with np.errstate(invalid="ignore"):
-        rows, columns = np.nonzero(error**2 <= 2.0 * gate.chi2 * variance)
-    return np.stack([i[columns], j[rows]], axis=-1)
-
-
-def _rays(lens: Camera, view: View, index: Index, sigma_px: float) -> tuple[Array, Array]:
-    """Ideal rays (N, 3) with z = 1, and the covariance (N, 2, 2) of their x and y.
-
-    sigma_px: what the lens may be off.
-    """
-    ray = camera.undistort(lens, view.px[index])
-    _, D = camera.distort(lens, ray)
-    G = np.linalg.inv(np.where(np.isfinite(D), lens.focal_px[:, None] * D, np.eye(2)))
-    cov = G @ (view.cov[index] + sigma_px**2 * np.eye(2)) @ np.swapaxes(G, -1, -2)
-    return np.concatenate([ray, np.ones((len(ray), 1))], axis=-1), cov
+    return np.stack([i[pairs[:, 0]], j[pairs[:, 1]]], axis=-1)
 
 
 def _essential(rig: StereoRig) -> Array:
