@@ -1,4 +1,4 @@
-"""A robot that turns its cameras: it looks at one place after the other until it has seen enough."""
+"""A robot that turns its cameras looks at one place after the other until it has seen enough."""
 
 from tests.fleet.virtual.lone import Lone, small_world, write
 
