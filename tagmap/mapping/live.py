@@ -275,7 +275,9 @@ def _see(live: LiveRobot, i: int, keyframe: Keyframe) -> None:
     sightings find it again."""
     _go(live, i + 1)
     try:
-        now: LivePose = live.track.see(live.basis.correction.camera(keyframe), keyframe.sightings)
+        correction = live.basis.correction
+        sightings = correction.seen(live.hello, keyframe.sightings)
+        now: LivePose = live.track.see(correction.camera(keyframe), sightings)
     except _NUMERIC:
         live.track.interrupt()
         now = live.track.live()

@@ -2,14 +2,23 @@
 
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from fleet.simulation.sensing import RIG
 from tagmap.geometry import measurement, se3, stereo
 from tagmap.mapping.correction import AS_STATED, Correction, corrections
-from tagmap.records import Hello, Keyframe, Odometry, Transform
-from tagmap.records.arrays import matrix, stereo_rig, transform, upper
+from tagmap.records import (
+    CalibrationSigmas,
+    Hello,
+    Keyframe,
+    Measurement,
+    Odometry,
+    Sighting,
+    Transform,
+)
+from tagmap.records.arrays import covariance, matrix, stereo_rig, transform, upper
 
 HELLO = Hello(kind="spatial", rig=RIG, site="site", robot="r1", number=1, session="s-0000001")
 P_CAM = np.array([[0.4, -0.6, 3.0], [-1.0, 0.3, 5.0]])
@@ -20,6 +29,7 @@ class Value:
     name: str
     robot: str | None
     value: float
+    sigma: float = 0.1
 
 
 def seen(rig):
@@ -89,6 +99,29 @@ def test_each_robot_has_its_own():
         [Value("disparity_px", "r1", 0.2), Value("wheel_base", "r2", 1.1), Value("x", None, 3.0)]
     )
     assert found == {
-        "r1": Correction({"disparity_px": 0.2}),
-        "r2": Correction({"wheel_base": 1.1}),
+        "r1": Correction({"disparity_px": 0.2}, {"disparity_px": 0.1}),
+        "r2": Correction({"wheel_base": 1.1}, {"wheel_base": 0.1}),
     }
+
+
+def test_what_is_not_known_of_images_is_noise():
+    """At first as the robot states, then as far as it is not found out."""
+    px = tuple(seen(stereo_rig(RIG))[0].tolist())
+    z = Measurement(stereo_px=px, cov=upper(0.01 * np.eye(4)))
+    sighting = Sighting(tag="a", id_by="laser", p_false=0.0, z=z)
+    assert AS_STATED.seen(HELLO, [sighting]) == [sighting]
+    stated = CalibrationSigmas(disparity_px=0.2, principal_px=0.3)
+    hello = msgspec.structs.replace(HELLO, calibration=stated)
+    (first,) = AS_STATED.seen(hello, [sighting])
+    off = np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0]], dtype=float)
+    expected = 0.01 * np.eye(4) + off.T @ np.diag([0.09, 0.09, 0.04]) @ off
+    assert covariance(first.z.cov) == pytest.approx(expected)
+    sigmas = {"disparity_px": 0.01, "principal_u_px": 0.02, "principal_v_px": 0.0}
+    (later,) = Correction({}, sigmas).seen(hello, [sighting])
+    expected = 0.01 * np.eye(4) + off.T @ np.diag([4e-4, 0.0, 1e-4]) @ off
+    assert covariance(later.z.cov) == pytest.approx(expected)
+    left = Sighting(
+        tag="a", id_by="laser", p_false=0.0, z=Measurement(mono_px=px[:2], cov=(0.01, 0.0, 0.01))
+    )
+    (mono,) = AS_STATED.seen(hello, [left])
+    assert mono.z.cov == pytest.approx((0.1, 0.0, 0.1))
