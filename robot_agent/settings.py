@@ -53,7 +53,8 @@ class ShotsTable(_Table, frozen=True):
 
     def blink_rules(self) -> BlinkRules:
         """A slot is the longer the slower the line to the reader."""
-        usual, guard_s = BlinkRules(), 0.5 * self.margin_s
+        usual = BlinkRules()
+        guard_s = max(usual.guard_s, usual.guard_s + self.margin_s - SHOTS.margin_s)
         slot_s = usual.slot_s + (guard_s - usual.guard_s)
         return replace(usual, slot_s=slot_s, guard_s=guard_s)
 

@@ -22,7 +22,7 @@ def test_a_blink_slot_has_the_margin_of_a_shot():
     assert ShotsTable().blink_rules() == BlinkRules()
     slow = ShotsTable(margin_s=0.1)
     assert slow.rules().margin_s == 0.1
-    assert slow.blink_rules().guard_s == 0.05
+    assert slow.blink_rules().guard_s == pytest.approx(0.09)
     assert slow.blink_rules().listen_s == pytest.approx(BlinkRules().listen_s)
 
 
