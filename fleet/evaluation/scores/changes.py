@@ -8,6 +8,8 @@ import numpy as np
 
 from fleet.evaluation.scores.evidence import Evidence
 from tagmap.conventions import Array
+from tagmap.geometry import se3
+from tagmap.geometry.alignment import align
 
 FOUND_M = 0.05
 JUMP_M = 0.10
@@ -83,7 +85,8 @@ def _known(
 
 
 def _false_alarms(evidence: Evidence, moved: set[str]) -> int:
-    """Jumps of tags that hang where they hung, from one version to the next."""
+    """Jumps of tags that hang where they hung, from one version to the next laid onto it: how a map
+    that hangs on nothing lies is no jump."""
     count = 0
     ordered = sorted(evidence.versions, key=lambda one: one.version)
     for before, after in pairwise(ordered):
@@ -91,13 +94,15 @@ def _false_alarms(evidence: Evidence, moved: set[str]) -> int:
             continue
         old, new = _placed(evidence, before.version), _placed(evidence, after.version)
         shared = sorted(set(old) & set(new))
-        if len(shared) < 4:
+        p, q = (np.array([of[tag][0] for tag in shared]).reshape(-1, 3) for of in (old, new))
+        hangs = np.array([tag not in moved for tag in shared])
+        laid = align(p[hangs], q[hangs])
+        if hangs.sum() <= 3 or not laid.determined:
             continue
-        shift = np.array([new[tag][0] - old[tag][0] for tag in shared])
-        shift = shift - np.median(shift, axis=0)
+        shift = q - se3.act(laid.T_b_a, p)
         sigma_m = np.array([max(old[tag][1], new[tag][1]) for tag in shared])
         jumped = np.linalg.norm(shift, axis=-1) > np.maximum(JUMP_M, 5.0 * sigma_m)
-        count += sum(tag not in moved for tag, has in zip(shared, jumped, strict=True) if has)
+        count += int((jumped & hangs).sum())
     return count
 
 
