@@ -171,6 +171,7 @@ class Mapper:
         for hello in draft.hellos:
             index = self.ingest.robots[hello.robot].sessions[hello.session]
             self.live.open(index, self.book)
+            index.forget_recent()
         for keyframe in draft.keyframes:
             self.live.offer(keyframe)
         for robot, session in draft.touched:

@@ -62,5 +62,6 @@ class RobotLedger:
         index.accept(hello)
         self.number = hello.number
         for name in list(self.sessions)[:-MAX_REMEMBERED]:
-            self.sessions[name].recent.clear()
+            self.sessions[name].forget_recent()
+            self.sessions[name].hashes.clear()
         return index

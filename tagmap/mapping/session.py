@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 from tagmap.records import Ack, Hello, Keyframe, Refusal
 
@@ -16,8 +17,8 @@ class SessionIndex:
     """Settled seqs of one session: everything up to `contiguous`, and those `beyond` it.
 
     `announced` is the `contiguous` that was last told.
-    `refusals` (newest last) and `recent` keyframes (newest last) are bounded; the database keeps
-    all of them.
+    `refusals` (newest last), `recent` keyframes (newest last) and their `hashes` are bounded; the
+    database keeps all of them. Keyframes themselves are held while nobody has taken them on.
     """
 
     robot: str
@@ -29,6 +30,7 @@ class SessionIndex:
     beyond: set[int] = field(default_factory=set)
     refusals: dict[int, str] = field(default_factory=dict)
     recent: dict[int, Keyframe] = field(default_factory=dict)
+    hashes: dict[int, int] = field(default_factory=dict)
 
     def is_settled(self, seq: int) -> bool:
         return seq <= self.contiguous or seq in self.beyond
@@ -63,9 +65,16 @@ class SessionIndex:
         self.settle([keyframe.seq])
 
     def remember(self, keyframe: Keyframe) -> None:
-        self.recent[keyframe.seq] = keyframe
-        if len(self.recent) > MAX_RECENT:
-            del self.recent[next(iter(self.recent))]
+        """Whole while there is no hello to judge it by and nobody to follow it."""
+        if self.hello is None:
+            self.recent[keyframe.seq] = keyframe
+            _trim(self.recent)
+        self.hashes[keyframe.seq] = hash(keyframe)
+        _trim(self.hashes)
+
+    def forget_recent(self) -> None:
+        """What keyframes said; `hashes` still tell them apart."""
+        self.recent.clear()
 
     def refuse(self, seq: int, reason: str) -> None:
         self.refusals.pop(seq, None)
@@ -81,8 +90,8 @@ class SessionIndex:
 
     def contradicts(self, keyframe: Keyframe) -> bool:
         """True when a different keyframe is known under this seq; only recent ones are compared."""
-        known = self.recent.get(keyframe.seq)
-        return known is not None and known != keyframe
+        known = self.hashes.get(keyframe.seq)
+        return known is not None and known != hash(keyframe)
 
     def ack(self, repeated: Iterable[int] = ()) -> Ack:
         """With the refusals that this settles anew, and those among `repeated` seqs."""
@@ -105,3 +114,8 @@ class SessionIndex:
                     break
                 chosen.append(Refusal(seq=seq, reason=reason))
         return Ack(session=self.session, contiguous=self.contiguous, refused=tuple(chosen))
+
+
+def _trim(newest_last: dict[int, Any]) -> None:
+    if len(newest_last) > MAX_RECENT:
+        del newest_last[next(iter(newest_last))]

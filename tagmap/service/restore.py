@@ -75,4 +75,6 @@ def _restore_live(store: SiteStore, mapper: Mapper, row: SessionRow, end: Any) -
     from_seq = max(1, index.contiguous - MAX_RECENT + 1)
     for keyframe in store.keyframes_of(row.robot, row.session, from_seq):
         index.remember(keyframe)
+        index.recent[keyframe.seq] = keyframe
     mapper.live.open(index, mapper.book, None if end is None else msgspec.convert(end, Known))
+    index.forget_recent()

@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from tagmap.arbitration.grants import Grants
 from tagmap.arbitration.rules import Rules
+from tagmap.mapper import Mapper
 from tagmap.mapping.draft import Arrival, Draft
 from tagmap.mapping.ingest import Ingest
 from tests.mapping.messages import SESSION, encode, hello, keyframe, spatial_keyframe
@@ -205,8 +206,18 @@ def test_only_the_newest_sessions_remember_their_keyframes(monkeypatch):
     names = [f"session-000{i}" for i in range(4)]
     for name in names:
         feed(ingest, hello(session=name), keyframe(1, session=name))
-    remembered = [len(session_of(ingest, session=name).recent) for name in names]
+    remembered = [len(session_of(ingest, session=name).hashes) for name in names]
     assert remembered == [0, 0, 1, 1]
+
+
+def test_keyframes_are_held_only_until_somebody_follows_them():
+    mapper = Mapper("site")
+    mapper.step([Arrival("r1", encode(keyframe(1)))])
+    index = session_of(mapper.ingest)
+    assert list(index.recent) == [1]
+    mapper.step([Arrival("r1", encode(one)) for one in (hello(), keyframe(2))])
+    assert not index.recent
+    assert sorted(index.hashes) == [1, 2]
 
 
 def test_an_ack_lists_the_newest_refusals_and_stays_small():
