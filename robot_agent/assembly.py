@@ -14,8 +14,8 @@ from robot_agent.activation.turn import Shooter
 from robot_agent.agent import Agent, Habits, News
 from robot_agent.atlas.atlas import Atlas
 from robot_agent.calibration.scanner.online import begin
-from robot_agent.devices.config import RobotConfig
-from robot_agent.devices.opening import laser_limits, mount_of, wheels_of
+from robot_agent.devices.config import LaserTable, RobotConfig
+from robot_agent.devices.opening import laser_limits, mount_of, rig_of, scanner_of, wheels_of
 from robot_agent.gear import Gear
 from robot_agent.health import Health
 from robot_agent.laser.direction import direction_of
@@ -43,18 +43,34 @@ class Company:
 
 
 def check(config: RobotConfig, path: Path) -> None:
-    """Raises ConfigError where something is configured that lacks what it works with."""
-    if config.laser is None:
-        return
-    for name, missing in (("scanner", config.scanner), ("[rfid.llrp]", config.rfid)):
+    """Raises ConfigError where a robot cannot sense with that: something is missing, cannot be
+    read, or does not go together."""
+    if rig_of(config) is None:
+        raise ConfigError(f"{path}: no rig, expected rig = FILE or a preset")
+    if config.cameras is None:
+        raise ConfigError(f"{path}: no cameras, expected a table [cameras.DRIVER]")
+    if config.T_base_cam is None and config.pan_tilt is None:
+        raise ConfigError(f"{path}: where are the cameras? Expected T_base_cam or [pan_tilt]")
+    if config.agent.stationary and config.odometry is not None:
+        raise ConfigError(
+            f"{path}: there is an [odometry], but stationary = true in [agent]: expected one of both"
+        )
+    if config.laser is not None:
+        _check_laser(config, config.laser, path)
+
+
+def _check_laser(config: RobotConfig, laser: LaserTable, path: Path) -> None:
+    for name, missing in (("scanner", scanner_of(config)), ("[rfid.llrp]", config.rfid)):
         if missing is None:
             raise ConfigError(f"{path}: there is a [laser], but no {name}")
     longest_s = config.agent.shots.rules().longest_s
-    if longest_s > config.laser.longest_s:
-        raise ConfigError(
-            f"{path}: [agent.shots] needs light for {longest_s:g} s at a time, and [laser] allows"
-            f" longest_s = {config.laser.longest_s:g}"
-        )
+    for name, takes in (("longest_s", 1.0), ("heartbeat_s", 1.0), ("dwell_s", 1.0 - laser.refill)):
+        allowed_s = getattr(laser, name)
+        if takes * longest_s > allowed_s:
+            raise ConfigError(
+                f"{path}: [agent.shots] needs light for {longest_s:g} s at a time, and [laser]"
+                f" allows {name} = {allowed_s:g}"
+            )
     if config.odometry is None and not config.agent.stationary:
         raise ConfigError(
             f"{path}: there is a [laser], but no [odometry] that says when the robot stands; one"

@@ -17,6 +17,7 @@ class Diary:
         self._connected: bool | None = None
         self._silent = False
         self._malformed = 0
+        self._outbox: str | None = None
         self._torn: set[str] = set()
         self._refused: Counter[tuple[str, str]] = Counter()
         self._told: Counter[tuple[str, str]] = Counter()
@@ -82,8 +83,16 @@ class Diary:
 
     def malformed(self, count: int) -> None:
         if count > self._malformed:
-            self._log.warning("malformed acknowledgements ignored", count=count)
+            self._log.warning("malformed messages ignored", count=count)
         self._malformed = count
+
+    def outbox(self, trouble: str | None) -> None:
+        """None: it can be written."""
+        if trouble is not None and self._outbox is None:
+            self._log.error("the outbox cannot be written, waiting for that", reason=trouble)
+        elif trouble is None and self._outbox is not None:
+            self._log.info("the outbox can be written again")
+        self._outbox = trouble
 
     def source_damaged(self, error: Exception) -> None:
         self._log.error("source damaged, delivering what came before", error=str(error))

@@ -27,7 +27,7 @@ from robot_agent.pan_tilt.mounting import Mounting
 from robot_agent.pan_tilt.poller import Poller
 from robot_agent.pan_tilt.unit import PanTilt, UnitInfo
 from robot_agent.rfid.reader import RfidReader
-from tagmap.errors import ConfigError, DataError
+from tagmap.errors import DataError
 from tagmap.records.rig import RigCalibration
 from tagmap.records.scanner import ScannerCalibration
 
@@ -64,21 +64,18 @@ class Gear:
 
 
 def open_gear(config: RobotConfig, path: Path, opened: ExitStack) -> Gear:
-    """As configured in the file `path`. Raises ConfigError or DataError; whoever calls closes
-    `opened`, whatever happens."""
+    """As configured in the file `path`, which was checked, see assembly.check. Raises ConfigError
+    or DataError; whoever calls closes `opened`, whatever happens."""
     rig, cameras = rig_of(config), open_cameras(config)
-    if rig is None:
-        raise ConfigError(f"{path}: no rig, expected rig = FILE or a preset")
-    if cameras is None:
-        raise ConfigError(f"{path}: no cameras, expected a table [cameras.DRIVER]")
+    assert rig is not None
+    assert cameras is not None
     opened.enter_context(closing(cameras))
     odometer = open_odometer(config)
     if odometer is not None:
         opened.enter_context(closing(odometer))
     head, unit = _head(config, path, opened)
     mounting = mounting_of(config, None if head is None else head.poller)
-    if mounting is None:
-        raise ConfigError(f"{path}: where are the cameras? Expected T_base_cam or [pan_tilt]")
+    assert mounting is not None
     laser, reader = None, None
     if config.laser is not None:
         laser = partial(open_laser, config.laser.device)

@@ -10,6 +10,7 @@ import numpy as np
 
 from robot_agent.agent import News
 from robot_agent.assembly import Company, assemble, atlas_of, check, introduction_of
+from robot_agent.atlas.atlas import Atlas
 from robot_agent.atlas.served import load, save
 from robot_agent.courier import Courier, Identity
 from robot_agent.devices.config import RobotConfig, RobotTable
@@ -49,9 +50,7 @@ def run_robot(setup: RobotSetup, report: Callable[[Summary], None]) -> None:
     identity = _identity(config.robot, setup.path)
     name = identity.robot
     health, atlas = Health(name), atlas_of(config)
-    cached = load(setup.cache, identity.site)
-    if cached is not None:
-        atlas.serve(cached)
+    _recall(setup.cache, identity.site, atlas, health)
     uplink, diary = Uplink(setup.route, Keys(identity.site), name, senses=True), Diary(name)
     with Outbox.open(setup.outbox, f"{identity.site}/{name}") as outbox, ExitStack() as opened:
         opened.callback(uplink.close)
@@ -67,7 +66,7 @@ def run_robot(setup: RobotSetup, report: Callable[[Summary], None]) -> None:
         if robot.devices is not None:
             robot.devices.interlock.stop_with_process()
         uplink.start()
-        sensing = Sensing(robot, source, uplink, name)
+        sensing = Sensing(robot, source, uplink, name, shell.stop)
         with sensing:
             shell.run()
         summary = summarise(name, outbox.counts(), time.monotonic() - started_s)
@@ -84,9 +83,21 @@ def _identity(table: RobotTable, path: Path) -> Identity:
     return Identity(table.site, table.name, table.number, new_session())
 
 
+def _recall(cache: Path, site: str, atlas: Atlas, health: Health) -> None:
+    """The map of the run before, if there is one: the service has it too."""
+    try:
+        cached = load(cache, site)
+    except DataError as error:
+        health.note("map cache", str(error))
+        return
+    if cached is not None:
+        atlas.serve(cached)
+
+
 def _news(uplink: Uplink, cache: Path, health: Health) -> News:
     """The map is kept, so that the next start knows it before it hears of the service."""
     served = uplink.served()
+    health.note("map", uplink.map_trouble)
     if served is not None:
         try:
             save(cache, served)

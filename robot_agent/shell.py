@@ -1,7 +1,8 @@
 """The agent as a process: source, outbox, link and clock around `Courier.step`."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from robot_agent.carrier import Carrier
 from robot_agent.courier import Courier, Inputs, Outputs, Room
@@ -9,7 +10,7 @@ from robot_agent.diary import Diary
 from robot_agent.flight import Parcel
 from robot_agent.sources import Source
 from tagmap.clock import Clock
-from tagmap.errors import DataError
+from tagmap.errors import DataError, StoreUnavailable
 from tagmap.records import Ack, Observation
 from tagmap.store.outbox import Outbox
 
@@ -17,13 +18,18 @@ CHUNK = 256
 BACKLOG = 1024
 TURN_S = 0.02
 LAST_WORD_S = 2.0
+AGAIN_S = 1.0
+"""After a write that failed for want of a disk."""
+
+T = TypeVar("T")
 
 
 class Shell:
     """One loop owns everything; it ends when the source is exhausted and all is settled.
 
     A source that can wait is read at most `BACKLOG` observations ahead of the acknowledgements;
-    one that cannot is always read, router or not, and the outbox grows.
+    one that cannot is always read, router or not, and the outbox grows. When the disk is full,
+    delivery waits: whoever senses goes on without it.
     """
 
     def __init__(
@@ -45,6 +51,7 @@ class Shell:
         self.damage: DataError | None = None
         self._room = Room(0, 0)
         self._loaded: tuple[str, int] | None = None
+        self._heard: list[Ack] = []
 
     def stop(self) -> None:
         """End after the turn that is under way; safe in a signal handler."""
@@ -62,7 +69,7 @@ class Shell:
 
     def _start(self) -> None:
         hello = self._courier.hello()
-        self._outbox.start_session(hello.session, hello.payload)
+        self._durably(lambda: self._outbox.start_session(hello.session, hello.payload))
         self._position = self._outbox.resume(self._source.fingerprint)
         self._source.seek(self._position)
         self._pending = self._outbox.counts().pending
@@ -77,7 +84,8 @@ class Shell:
 
     def _turn(self, wait_s: float) -> bool:
         """Whether anything happened, so that the next turn should follow at once."""
-        acks = self._uplink.take(wait_s)
+        acks = [*self._heard, *self._uplink.take(wait_s)]
+        self._heard.clear()
         connected = self._uplink.connected()
         observations = self._observe()
         outputs = self._courier.step(
@@ -113,7 +121,8 @@ class Shell:
         if outputs.append:
             self._position += observed
             items = [(parcel.seq, parcel.payload) for parcel in outputs.append]
-            self._outbox.append(self._courier.session, items, self._position)
+            session, position = self._courier.session, self._position
+            self._durably(lambda: self._outbox.append(session, items, position))
             self._pending += len(items)
         for ack in outputs.settle:
             self._settle(ack)
@@ -132,7 +141,28 @@ class Shell:
 
     def _settle(self, ack: Ack) -> None:
         refused = [(refusal.seq, refusal.reason) for refusal in ack.refused]
-        self._pending -= self._outbox.settle(ack.session, ack.contiguous, refused)
+        session, contiguous = ack.session, ack.contiguous
+        self._pending -= self._durably(lambda: self._outbox.settle(session, contiguous, refused))
+
+    def _durably(self, write: Callable[[], T]) -> T:
+        """What is to be on the disk; a source that cannot wait does not end for want of one."""
+        while True:
+            try:
+                done = write()
+            except StoreUnavailable as error:
+                if self._source.patient or self._stop.is_set():
+                    raise
+                self._diary.outbox(str(error))
+                self._pause(AGAIN_S)
+            else:
+                self._diary.outbox(None)
+                return done
+
+    def _pause(self, for_s: float) -> None:
+        """What arrives meanwhile is kept for the next turn."""
+        until_s = self._clock.monotonic_s() + for_s
+        while not self._stop.is_set() and (left_s := until_s - self._clock.monotonic_s()) > 0.0:
+            self._heard += self._uplink.take(left_s)
 
     def _tell(self, outputs: Outputs, connected: bool) -> None:
         self._diary.connection(connected, self._uplink.trouble)

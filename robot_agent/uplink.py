@@ -5,9 +5,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import TypeVar
 
-from robot_agent.atlas.served import ServedMap, tags_of
+from robot_agent.atlas.served import ServedMap
+from robot_agent.errands import ANSWER_S, Errands
 from robot_agent.flight import Parcel
 from tagmap.errors import LinkError, RecordRefused
 from tagmap.link.keys import Keys
@@ -17,20 +17,13 @@ from tagmap.records import (
     JobResult,
     LeaseReply,
     LeaseRequest,
-    MapVersion,
     Pose,
     WriteJob,
     decode,
     encode,
 )
 
-ANSWER_S = 1.0
 CLOSE_S = 3.0
-MAP_AGAIN_S = 10.0
-"""How often to ask for a map of which nothing is heard."""
-
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +53,20 @@ class Uplink:
         self._closing = threading.Event()
         self._arrived: SimpleQueue[bytes | None] = SimpleQueue()
         self._questions: SimpleQueue[str | None] = SimpleQueue()
-        self._jobs: SimpleQueue[WriteJob] = SimpleQueue()
-        self._maps: SimpleQueue[ServedMap] = SimpleQueue()
-        self._map_wanted = threading.Event()
-        self._fetcher = threading.Thread(target=self._keep_fetching, name="fetching", daemon=True)
+        self._errands = Errands(keys, robot)
         self._thread = threading.Thread(target=self._serve, name="uplink", daemon=True)
         self.trouble: str | None = None
-        self.malformed = 0
+        self._malformed = 0
+
+    @property
+    def malformed(self) -> int:
+        """Messages that were none."""
+        return self._malformed + self._errands.malformed
+
+    @property
+    def map_trouble(self) -> str | None:
+        """Why the map that was fetched last is none."""
+        return self._errands.trouble
 
     def start(self) -> None:
         self._thread.start()
@@ -118,12 +118,11 @@ class Uplink:
 
     def jobs(self) -> list[WriteJob]:
         """Those that came since they were last asked for."""
-        return _drained(self._jobs)
+        return self._errands.jobs()
 
     def served(self) -> ServedMap | None:
         """The newest map that came since it was last asked for."""
-        maps = _drained(self._maps)
-        return maps[-1] if maps else None
+        return self._errands.served()
 
     def wake(self) -> None:
         """End a waiting `take`; safe in a signal handler."""
@@ -132,10 +131,9 @@ class Uplink:
     def close(self) -> None:
         self._closing.set()
         self._questions.put(None)
-        self._map_wanted.set()
-        self._thread.join(CLOSE_S)
-        if self._fetcher.is_alive():
-            self._fetcher.join(CLOSE_S)
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_S)
+        self._errands.end(CLOSE_S)
         if self._link is not None:
             self._link.close()
 
@@ -146,7 +144,7 @@ class Uplink:
                 self._keys.ack(self._robot), lambda _, payload: self._arrived.put(payload)
             )
             if self._senses:
-                self._sense(link)
+                self._errands.begin(link)
             link.declare_alive(self._keys.alive(self._robot))
             self._listening = True
             self.wake()
@@ -156,54 +154,6 @@ class Uplink:
             # Whatever it is, an agent that can no longer hear must not go on as if it could.
             self._failure = error if isinstance(error, LinkError) else LinkError(f"link: {error}")
             self.wake()
-
-    def _sense(self, link: Link) -> None:
-        link.subscribe(self._keys.jobs(self._robot), lambda _, payload: self._take_job(payload))
-        link.subscribe(self._keys.map_version(), lambda *_: self._map_wanted.set())
-        self._map_wanted.set()
-        self._fetcher.start()
-
-    def _take_job(self, payload: bytes) -> None:
-        try:
-            self._jobs.put(decode(WriteJob, payload))
-        except RecordRefused:
-            self.malformed += 1
-
-    def _keep_fetching(self) -> None:
-        """At first, whenever a map is announced, and now and then for what was lost on its way."""
-        while not self._closing.is_set():
-            self._map_wanted.wait(MAP_AGAIN_S)
-            self._map_wanted.clear()
-            try:
-                self._fetch()
-            except (LinkError, RecordRefused):
-                continue
-
-    def _fetch(self) -> None:
-        job = self._answer(self._keys.jobs(self._robot))
-        if job is not None:
-            self._take_job(job)
-        served = self._fetch_map()
-        if served is not None:
-            self._maps.put(served)
-
-    def _fetch_map(self) -> ServedMap | None:
-        """None while there is none, or when another version came in between: it is announced."""
-        version = self._answer(self._keys.map_version())
-        tags = None if version is None else self._answer(self._keys.map_tags())
-        if version is None or tags is None:
-            return None
-        about, all_tags = decode(MapVersion, version), tags_of(tags)
-        if any(tag.version != about.version for tag in all_tags):
-            self._map_wanted.set()
-            return None
-        return ServedMap(site=self._keys.site, version=about, tags=all_tags)
-
-    def _answer(self, key: str) -> bytes | None:
-        if self._link is None or self._closing.is_set():
-            return None
-        replies = self._link.get(key, timeout_s=ANSWER_S)
-        return next((reply.payload for reply in replies if reply.payload is not None), None)
 
     def _put(self, key: str, payload: bytes) -> None:
         if self._link is not None:
@@ -236,14 +186,5 @@ class Uplink:
         try:
             return decode(Ack, payload)
         except RecordRefused:
-            self.malformed += 1
+            self._malformed += 1
             return None
-
-
-def _drained(queue: "SimpleQueue[T]") -> list[T]:
-    taken: list[T] = []
-    while True:
-        try:
-            taken.append(queue.get_nowait())
-        except Empty:
-            return taken

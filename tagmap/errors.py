@@ -21,6 +21,10 @@ class StoreError(TagmapError):
     """The database cannot be opened, read, migrated or written; names the file."""
 
 
+class StoreUnavailable(StoreError):
+    """Not now: the disk is full or does not answer, or another process holds the file."""
+
+
 class LinkError(TagmapError):
     """No router, busy port, refused certificate, no answer; names the endpoint."""
 

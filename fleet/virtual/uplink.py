@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 from fleet.virtual.port import Port
 from robot_agent.atlas.served import ServedMap, tags_of
+from robot_agent.errands import ANSWER_S, MAP_AGAIN_S
 from robot_agent.flight import Parcel
-from robot_agent.uplink import ANSWER_S, MAP_AGAIN_S
 from tagmap.errors import RecordRefused
 from tagmap.link.keys import Keys
 from tagmap.link.query import Reply

@@ -1,5 +1,6 @@
 """`robot.toml`: which devices a robot has. Reading it imports no driver's package."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -11,6 +12,7 @@ from msgspec.structs import replace
 from robot_agent.cameras.folder import FolderConfig
 from robot_agent.cameras.network import NetworkConfig
 from robot_agent.cameras.opencv import OpenCvConfig
+from robot_agent.laser.opening import place_of
 from robot_agent.odometry.udp import UdpConfig
 from robot_agent.odometry.wheels import Wheels
 from robot_agent.pan_tilt.ptu.driver import PtuConfig
@@ -89,6 +91,10 @@ class LaserTable(_Table, frozen=True):
     apart_s: Annotated[float, Meta(gt=0.0, le=0.1)] = 0.005
 
     def __post_init__(self) -> None:
+        try:
+            place_of(self.device)
+        except ConfigError as error:
+            raise ValueError(str(error)) from None
         for name in ("bearing_rad", "elevation_rad"):
             span = getattr(self, name)
             if not span[0] < span[1]:
@@ -156,8 +162,19 @@ def read_config(path: Path) -> RobotConfig:
     try:
         config = msgspec.convert(tree, RobotConfig)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{path}: {error}") from None
+        raise ConfigError(f"{path}: {error}{_got(tree, str(error))}") from None
     return _with_places(config, path.parent)
+
+
+def _got(tree: object, error: str) -> str:
+    """What the file has at the key that is named in the error, where that is short."""
+    found = re.search(r" - at `\$([^`]*)`$", error)
+    for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", found[1]) if found else ():
+        try:
+            tree = tree[key or int(index)]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
+            return ""
+    return f", got {tree!r}" if isinstance(tree, str | int | float) else ""
 
 
 def _require_one(table: str, drivers: Mapping[str, object]) -> None:

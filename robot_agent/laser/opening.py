@@ -9,14 +9,22 @@ from tagmap.errors import ConfigError
 
 def open_laser(setting: str) -> LaserDevice:
     """`udp:HOST:PORT` or `file:PATH`. Hand it to an Interlock and to nobody else."""
-    kind, _, rest = setting.partition(":")
-    if kind == "file" and rest:
+    place = place_of(setting)
+    if isinstance(place, Path):
         from robot_agent.laser.file import FileLaser
 
-        return FileLaser(Path(rest))
+        return FileLaser(place)
+    from robot_agent.laser.udp import UdpLaser
+
+    return UdpLaser(*place)
+
+
+def place_of(setting: str) -> Path | tuple[str, int]:
+    """A file, or host and port. Raises ConfigError."""
+    kind, _, rest = setting.partition(":")
+    if kind == "file" and rest:
+        return Path(rest)
     found = re.fullmatch(r"(.+):(\d{1,5})", rest)
     if kind == "udp" and found and int(found[2]) < 65536:
-        from robot_agent.laser.udp import UdpLaser
-
-        return UdpLaser(found[1], int(found[2]))
+        return found[1], int(found[2])
     raise ConfigError(f"laser is {setting!r}, expected udp:HOST:PORT or file:PATH")

@@ -7,7 +7,7 @@ EVERY_S = 0.005
 
 
 class Watchdog(Background):
-    """`with Watchdog(interlock): ...`"""
+    """`with Watchdog(interlock): ...` Should it fail, there is no light any more."""
 
     def __init__(self, interlock: Interlock, every_s: float = EVERY_S) -> None:
         self._interlock, self._every_s = interlock, every_s
@@ -18,5 +18,9 @@ class Watchdog(Background):
         self._interlock.check()
 
     def _watch(self) -> None:
-        while not self._stopping.wait(self._every_s):
-            self._interlock.check()
+        try:
+            while not self._stopping.wait(self._every_s):
+                self._interlock.check()
+        except BaseException:
+            self._interlock.stop("the watchdog failed")
+            raise

@@ -4,13 +4,22 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import islice
 
+from msgspec.structs import replace
+
 from robot_agent.sources import Source
 from tagmap.records import Introduction, Observation
+
+MOST_WAITING = 4096
+"""Half an hour and more of a robot that drives."""
 
 
 class SensorSource(Source):
     """One session long: there is nothing to resume. `put` and `end` may be called from any
-    thread; `wake` ends the waiting of whoever takes."""
+    thread; `wake` ends the waiting of whoever takes.
+
+    `dropped`: how many there was no more room for, while nobody took any. Odometry leads from one
+    to the next, so none leads to the one after them.
+    """
 
     patient = False
     pause_s = 0.25
@@ -23,6 +32,8 @@ class SensorSource(Source):
         self._session = session
         self._waiting: deque[Observation] = deque()
         self._ended = False
+        self.dropped = 0
+        self._is_gap = False
 
     @property
     def introduction(self) -> Introduction:
@@ -37,6 +48,11 @@ class SensorSource(Source):
         return self._ended and not self._waiting
 
     def put(self, observation: Observation) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            self.dropped, self._is_gap = self.dropped + 1, True
+            return
+        if self._is_gap:
+            observation, self._is_gap = replace(observation, odom=None), False
         self._waiting.append(observation)
         self._wake()
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from tagmap.errors import StoreError
+from tagmap.errors import StoreError, StoreUnavailable
 
 Row: TypeAlias = tuple[Any, ...]
 Values: TypeAlias = Sequence[Any] | Mapping[str, Any]
@@ -24,6 +24,15 @@ _MEANING = {
     sqlite3.SQLITE_CANTOPEN: "cannot be opened; are the file and its folder writable?",
     sqlite3.SQLITE_BUSY: f"locked by another process for more than {BUSY_TIMEOUT_S:g} s",
 }
+
+_PASSES = {
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_BUSY,
+}
+"""What may be over when it is tried again."""
 
 
 class Connection:
@@ -98,7 +107,9 @@ def naming(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.Error as error:
-        raise StoreError(f"{path}: {_explain(error)}") from error
+        code = getattr(error, "sqlite_errorcode", 0) & _PRIMARY_CODE
+        kind = StoreUnavailable if code in _PASSES else StoreError
+        raise kind(f"{path}: {_explain(error)}") from error
     except (OverflowError, UnicodeEncodeError) as error:
         raise StoreError(f"{path}: a value cannot be stored: {error}") from error
 

@@ -288,7 +288,7 @@ def test_garbage_for_acknowledgements_is_ignored(
         for payload in (b"", b"\xff" * 100, foreign[:-1], foreign, b"\x81\xa1v\x63"):
             link.put(keys.ack("r1"), payload)
     with contextlib.closing(AckingService(endpoint, ledger)):
-        assert "malformed acknowledgements ignored" in events_of(process)
+        assert "malformed messages ignored" in events_of(process)
     assert process.returncode == 0
     assert_delivered_once(ledger, 100)
 
