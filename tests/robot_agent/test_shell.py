@@ -10,10 +10,13 @@ from robot_agent.courier import Courier, Identity, Parcel
 from robot_agent.diary import Diary
 from robot_agent.process import new_session
 from robot_agent.shell import BACKLOG, Shell
+from robot_agent.sources import Source
 from robot_agent.sources.journal import JournalSource
+from robot_agent.sources.sensors import SensorSource
 from robot_agent.summary import Summary, summarise
-from tagmap.errors import DataError
-from tagmap.records import Ack
+from tagmap import logs
+from tagmap.errors import DataError, StoreUnavailable
+from tagmap.records import Ack, Introduction, Observation, Transform
 from tagmap.store.outbox import Outbox
 
 Journal = Callable[[int], Path]
@@ -62,7 +65,7 @@ class Bench:
         self.outbox_path = path
         self.uplink = uplink
 
-    def shell(self, outbox: Outbox, source: JournalSource) -> Shell:
+    def shell(self, outbox: Outbox, source: Source) -> Shell:
         agent = Courier(Identity("site", "r1", 1, new_session()), source.introduction)
         diary = Diary("r1")
         return Shell(agent, source, outbox, self.uplink, diary)  # type: ignore[arg-type]
@@ -163,3 +166,78 @@ def test_what_is_before_the_damage_is_delivered(
     assert len(ledger.keyframes()) == 299
     with Outbox.open(bench.outbox_path) as outbox:
         assert outbox.counts().pending == 0
+
+
+class FullDisk(Outbox):
+    """For as many writes as `full` says."""
+
+    full = 0
+    tries = 0
+
+    def append(self, session: str, items: Any, cursor: int) -> None:
+        self._write()
+        super().append(session, items, cursor)
+
+    def settle(self, *args: Any) -> int:
+        self._write()
+        return super().settle(*args)
+
+    def _write(self) -> None:
+        self.tries += 1
+        if self.full:
+            self.full -= 1
+            raise StoreUnavailable("r1.outbox.db: the disk is full")
+
+
+def test_a_robot_that_senses_outlives_a_full_disk(
+    bench: Bench, ledger: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is lost, nothing is numbered twice, and it is told once."""
+    monkeypatch.setattr("robot_agent.shell.AGAIN_S", 0.001)
+    logs.configure()
+    source = SensorSource(Introduction(kind="planar", rig=None), "session-0001")
+    for t_ns in range(300):
+        at = Transform(p_m=(0.0, 0.0), theta_rad=0.0)
+        source.put(Observation(t_ns=t_ns, odom=None, T_base_cam=at, sightings=()))
+    source.end()
+    with FullDisk.open(bench.outbox_path) as outbox:
+        outbox.full = 7
+        bench.shell(outbox, source).run()
+        counts = outbox.counts()
+    assert (counts.keyframes, counts.pending) == (300, 0)
+    assert [keyframe.t_ns for keyframe in ledger.keyframes()] == list(range(300))
+    assert ledger.contradictions == 0
+    log = capsys.readouterr().err
+    assert log.count("the outbox cannot be written") == 1
+    assert log.count("the outbox can be written again") == 1
+
+
+def test_a_robot_that_is_to_end_does_not_wait_for_the_disk(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robot_agent.shell.AGAIN_S", 0.001)
+    source = SensorSource(Introduction(kind="planar", rig=None), "session-0001")
+    at = Transform(p_m=(0.0, 0.0), theta_rad=0.0)
+    source.put(Observation(t_ns=1, odom=None, T_base_cam=at, sightings=()))
+    with FullDisk.open(bench.outbox_path) as outbox:
+        outbox.full = 10**9
+        shell = bench.shell(outbox, source)
+        taken = bench.uplink.take
+
+        def take(wait_s: float) -> list[Ack]:
+            if outbox.tries > 3:
+                shell.stop()
+            return taken(wait_s)
+
+        monkeypatch.setattr(bench.uplink, "take", take)
+        with pytest.raises(StoreUnavailable, match="the disk is full"):
+            shell.run()
+
+
+def test_a_recording_that_can_be_sent_again_ends_for_a_full_disk(
+    bench: Bench, journal: Journal
+) -> None:
+    with FullDisk.open(bench.outbox_path) as outbox:
+        outbox.full = 1
+        with pytest.raises(StoreUnavailable, match="the disk is full"):
+            bench.shell(outbox, JournalSource(journal(10))).run()
