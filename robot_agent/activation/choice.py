@@ -105,9 +105,10 @@ def pose_nats(target: Target, belief: PoseBelief) -> float:
 
 
 def expected_s(places: Places, p_tag: float, rules: ShotRules) -> float:
-    """Discs of a search cover, after k shots, about the area of one disc of k times its area."""
+    """Discs of a search cover, after k shots, about the area of one disc of k times its area. When
+    all were silent there is one shot more."""
     k = np.arange(len(places.search.offsets_m))
     variance = np.sqrt(np.linalg.det(places.search.cov_m))
     missed = np.exp(-0.5 * k * rules.reach_m**2 / variance)
-    silent_s = rules.shot_s * float((1.0 - p_tag + p_tag * missed).sum())
+    silent_s = rules.shot_s * float((1.0 - p_tag + p_tag * missed).sum() + 1.0 - p_tag)
     return silent_s + p_tag * (rules.proof_s - rules.shot_s)

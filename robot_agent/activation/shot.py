@@ -1,6 +1,7 @@
 """A shot under a lease: search, prove, read, write. Drawn in docs/activation.md."""
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from robot_agent.activation.aimer import Aimer, Place, Places
 from robot_agent.activation.commands import Act, Dark
@@ -32,12 +33,13 @@ def shoot(aimer: Aimer, target: Target, work: Work) -> Act[Verdict]:
 
 
 def _search(shot: _Shot, target: Target, places: Places, work: Work) -> Act[Verdict]:
-    """Each place once; the first that answers decides."""
+    """Each place once, the likeliest again at the end, should its answers have been lost; the first
+    that answers decides."""
     rules = shot.rules
     centre = next(iter(places), None)
     if centre is None or centre.p_beside > rules.most_p_false:
         return Verdict("ambiguous", "another spot is so near that the beam cannot tell them apart")
-    for place in places:
+    for place in chain(places, (centre,)):
         if place.p_beside > rules.most_p_false:
             continue
         if why := (yield from turn_to(place.steps)):

@@ -23,6 +23,10 @@ ODD = 0.001
 """Likelihood, by that of a usual one, that a tag is as bright as no other: dirty, or its battery
 low."""
 
+APART = 3.0
+"""Tags are no nearer than the nearest that both cameras see by this factor, and no farther than the
+farthest."""
+
 
 @dataclass(frozen=True, slots=True)
 class Strays:
@@ -49,6 +53,7 @@ def strays(
 ) -> Strays:
     """p_alone: of each spot that it is alone; matched: pairs (K, 2) of spots that are not, and
     their p_cam (K, 3); unit: sigma of ln brightness from one tag to another."""
+    away_m = _reached(matched[1], away_m)
     places, p, spots = [np.empty((0, 3))], [np.empty(0)], [np.empty((0, 2), np.int64)]
     for side, (lens, T_lens_cam) in enumerate(
         ((rig.left, np.eye(4)), (rig.right, rig.T_right_left))
@@ -62,6 +67,14 @@ def strays(
             p.append(p_alone[side][spot] * likely / likely.sum())
             spots.append(np.tile(np.array([side, spot]), (len(p_lens), 1)))
     return Strays(np.concatenate(places), np.concatenate(p), np.concatenate(spots))
+
+
+def _reached(p_cam: Array, away_m: tuple[float, float]) -> tuple[float, float]:
+    if len(p_cam) < FEWEST:
+        return away_m
+    d = np.linalg.norm(p_cam, axis=1)
+    least_m, most_m = float(d.min()) / APART, float(d.max()) * APART
+    return max(away_m[0], least_m), min(away_m[1], most_m)
 
 
 def _ray(lens: Camera, px: Array, away_m: tuple[float, float]) -> Array:

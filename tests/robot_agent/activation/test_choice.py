@@ -79,7 +79,7 @@ def test_the_expected_time_by_playing():
     root = np.linalg.cholesky(places.search.cov_m)
     rules, took = AIMER.rules, []
     for _ in range(4000):
-        silent, hit = len(places.search.offsets_m), False
+        silent, hit = len(places.search.offsets_m) + 1, False
         if rng.random() < spot.p_tag:
             away = np.linalg.norm(places.search.offsets_m - root @ rng.standard_normal(2), axis=1)
             found = np.flatnonzero(away <= rules.reach_m)

@@ -115,6 +115,13 @@ def test_a_phantom_that_repeats_is_not_believed():
     assert (verdict.kind, verdict.tag) == ("ambiguous", None)
 
 
+def test_answers_that_are_lost_call_no_tag_a_false_match():
+    """All readings of the first window are missed."""
+    air = Air({ONE: HERE}, says=lambda n, heard, _: {} if n == 0 else heard)
+    verdict = shot(air)
+    assert (verdict.kind, verdict.tag, verdict.shots) == ("identified", ONE, 6)
+
+
 def test_another_tag_the_second_time():
     air = Air({}, says=lambda n, _, lit: {(ONE if n == 0 else TWO): 3} if lit else {})
     assert shot(air).kind == "ambiguous"

@@ -44,7 +44,7 @@ def test_its_flux_says_about_how_far_away(side):
     away = np.linalg.norm(looked(side).p_cam, axis=1) / np.linalg.norm(LONE)
     near = (away > 0.5) & (away < 2.0)
     assert looked(side).p[near].sum() > 0.95
-    assert looked(side, with_flux=False).p[near].sum() < 0.3
+    assert looked(side, with_flux=False).p[near].sum() < 0.7
 
 
 def test_not_of_the_pair_itself():
