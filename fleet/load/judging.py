@@ -7,7 +7,7 @@ import numpy as np
 from tagmap.conventions import Array
 
 # A fit that says that less than this share of what is sent stays behind is level.
-LEVEL_SHARE = 0.005
+LEVEL_SHARE = 0.002
 SETTLING = 0.1
 MOST_POINTS = 400
 

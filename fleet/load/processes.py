@@ -46,6 +46,7 @@ class Meter:
     def __init__(self, pids: Callable[[], Mapping[str, int]]) -> None:
         self._pids = pids
         self._last: dict[tuple[str, int], float] = {}
+        self._began = False
         self.cpu_s: dict[str, float] = {}
         self.rss_mb: dict[str, float] = {}
 
@@ -55,7 +56,8 @@ class Meter:
             if now is None:
                 continue
             # One that was not there at the first look has used all that it has since then.
-            before = self._last.get((name, pid), now.cpu_s if name not in self.cpu_s else 0.0)
+            before = self._last.get((name, pid), 0.0 if self._began else now.cpu_s)
             self._last[name, pid] = now.cpu_s
             self.cpu_s[name] = self.cpu_s.get(name, 0.0) + now.cpu_s - before
             self.rss_mb[name] = max(self.rss_mb.get(name, 0.0), now.rss_mb)
+        self._began = True

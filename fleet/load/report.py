@@ -68,8 +68,8 @@ def show(load: Load, outcome: Outcome) -> None:
     facts: dict[str, Any] = {"robots": contract["robots"], **load.about}
     facts |= {f"keyframes {name}": n for name, n in contract["keyframes"].items()}
     facts["queue"] = "grows" if last.queue.growing else "does not grow"
-    facts["generator late p99 ms"] = last.late.p99
-    facts |= {f"memory MB {name}": mb for name, mb in last.rss_mb.items()}
+    facts["generator late p99 ms"] = _ms(last.late.p99)
+    facts |= {f"memory MB {name}": round(mb) for name, mb in last.rss_mb.items()}
     facts |= {"map version": outcome.version, "tags": outcome.tags}
     facts["solves s"] = ", ".join(str(one["solve_s"]) for one in outcome.solves) or None
     facts["reached"] = "yes" if last.reached else f"no: {why_broken(last)}"
@@ -82,7 +82,17 @@ def show(load: Load, outcome: Outcome) -> None:
 
 def _row(found: Trial) -> list[Any]:
     ack, queue = found.ack, found.queue
-    row: list[Any] = [round(found.rate_hz, 2), ack.p50, ack.p95, ack.p99, ack.max]
-    row += [found.pose.p99, queue.p95, queue.slope_per_s]
-    row += [found.cores.get(name) for name in ("service", "solver", "router", "generator")]
-    return [*row, found.load_average[1]]
+    times = [_ms(value) for value in (ack.p50, ack.p95, ack.p99, ack.max, found.pose.p99)]
+    cores = [found.cores.get(name) for name in ("service", "solver", "router", "generator")]
+    return [
+        f"{found.rate_hz:.4g}",
+        *times,
+        f"{queue.p95:.0f}",
+        f"{queue.slope_per_s:.2f}",
+        *(None if share is None else f"{share:.2f}" for share in cores),
+        f"{found.load_average[1]:.1f}",
+    ]
+
+
+def _ms(value: float | None) -> str:
+    return "never" if value is None else f"{value:.1f}"

@@ -63,6 +63,7 @@ def trial(
         if stopped():
             break
         robot.take(source.drive(load.count, load.rate_hz))
+    tell(f"sending at {load.rate_hz:.4g} Hz each")
     counts, first = _counts(robots), [robot.sent for robot in robots]
     phases, order = _phases(load.seed, len(robots))
     average, late_s = os.getloadavg()[0], list[float]()
