@@ -39,7 +39,7 @@ def test_nothing_sent_has_no_percentiles():
     ],
 )
 def test_queues_that_grow(shape, grows: bool):
-    """Level, growing, growing by a thousandth of what is sent, a peak, drained, broken, in waves."""
+    """Level, growing, growing by a thousandth of the rate, a peak, drained, broken, in waves."""
     waiting = np.floor(shape(T_S)) + np.random.default_rng(0).integers(0, 10, len(T_S))
     found = queue(T_S, waiting, RATE)
     assert found.growing is grows
