@@ -53,7 +53,7 @@ def check(config: RobotConfig, path: Path) -> None:
         raise ConfigError(f"{path}: where are the cameras? Expected T_base_cam or [pan_tilt]")
     if config.agent.stationary and config.odometry is not None:
         raise ConfigError(
-            f"{path}: there is an [odometry], but stationary = true in [agent]: expected one of both"
+            f"{path}: there is an [odometry], but stationary = true in [agent]: expected one"
         )
     if config.laser is not None:
         _check_laser(config, config.laser, path)
@@ -118,6 +118,8 @@ def assemble(
         devices = Devices(interlock, gear.reader, clocks.now_ns, clocks.wait_until, ask)
         if gear.odometer is not None:
             gear.odometer.on_motion(interlock.moved)
+        if gear.on_turn is not None:
+            gear.on_turn(interlock.moved)
     return Robot(
         agent=agent,
         cameras=gear.cameras,

@@ -49,7 +49,8 @@ class Clocks:
 @dataclass(frozen=True, slots=True)
 class Gear:
     """What a robot has, and what its files say of it; None: it has none. unit: what `head` says
-    of itself. open_laser: for an interlock, nobody else ever gets hold of one."""
+    of itself. open_laser: for an interlock, nobody else ever gets hold of one. on_turn: whom to
+    tell each time that the head is seen to turn."""
 
     rig: RigCalibration
     cameras: StereoCamera
@@ -61,6 +62,7 @@ class Gear:
     open_laser: Callable[[], LaserDevice] | None
     reader: RfidReader | None
     clocks: Clocks
+    on_turn: Callable[[Callable[[], None]], None] | None = None
 
 
 def open_gear(config: RobotConfig, path: Path, opened: ExitStack) -> Gear:
@@ -73,8 +75,8 @@ def open_gear(config: RobotConfig, path: Path, opened: ExitStack) -> Gear:
     odometer = open_odometer(config)
     if odometer is not None:
         opened.enter_context(closing(odometer))
-    head, unit = _head(config, path, opened)
-    mounting = mounting_of(config, None if head is None else head.poller)
+    head, unit, poller = _head(config, path, opened)
+    mounting = mounting_of(config, poller)
     assert mounting is not None
     laser, reader = None, None
     if config.laser is not None:
@@ -84,19 +86,32 @@ def open_gear(config: RobotConfig, path: Path, opened: ExitStack) -> Gear:
         reader.probe()
     clocks = Clocks(time.time_ns, now_ns, second_ns, _wait_until)
     scanner = scanner_of(config)
-    return Gear(rig, cameras, mounting, odometer, head, unit, scanner, laser, reader, clocks)
+    return Gear(
+        rig=rig,
+        cameras=cameras,
+        mounting=mounting,
+        odometer=odometer,
+        head=head,
+        unit=unit,
+        scanner=scanner,
+        open_laser=laser,
+        reader=reader,
+        clocks=clocks,
+        on_turn=None if poller is None else poller.on_motion,
+    )
 
 
 def _head(
     config: RobotConfig, path: Path, opened: ExitStack
-) -> tuple[Head | None, UnitInfo | None]:
+) -> tuple[Head | None, UnitInfo | None, Poller | None]:
     """Its reach is asked of the unit at the start, which must be there then."""
     unit = open_pan_tilt(config)
     if unit is None:
-        return None, None
+        return None, None, None
     opened.enter_context(closing(unit))
     info = _about(unit, path)
-    return Head(unit, opened.enter_context(Poller(unit))), info
+    poller = opened.enter_context(Poller(unit))
+    return Head(unit, poller), info, poller
 
 
 def _about(unit: PanTilt, path: Path) -> UnitInfo:

@@ -37,7 +37,8 @@ def is_due(spacing: Spacing, last: Moment | None, now: Moment) -> bool:
     if last is None or not now.tags <= last.tags:
         return True
     since_s = 1e-9 * (now.t_ns - last.t_ns)
-    if since_s >= (spacing.still_s if now.is_still else spacing.moving_s):
+    # The clock was set back: how long it is nobody knows.
+    if since_s < 0.0 or since_s >= (spacing.still_s if now.is_still else spacing.moving_s):
         return True
     if last.odom is None or now.odom is None or last.odom.epoch != now.odom.epoch:
         return (last.odom is None) != (now.odom is None)

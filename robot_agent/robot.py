@@ -19,6 +19,9 @@ from tagmap.conventions import Array
 
 WAIT_S = 0.15
 """For the readings of head and wheels that follow an exposure."""
+UNKNOWN = 3
+"""Exposures in a row whose readings come too late: a single one is passed over, for without
+odometry every name and the pose would be forgotten."""
 
 
 @dataclass(slots=True)
@@ -50,9 +53,10 @@ class Robot:
     stationary: bool = False
     pointing: Pointing = field(default_factory=Pointing)
     failure: CameraFailure | None = None
+    _unknown: int = 0
 
     def cycle(self) -> Report | None:
-        """None: there was no exposure, or it is not known where the camera was."""
+        """None: there was no exposure, or it is not known where camera or robot were."""
         pair = self.cameras.grab(self.grab_s)
         self.failure = pair if isinstance(pair, CameraFailure) else None
         if isinstance(pair, CameraFailure):
@@ -65,7 +69,10 @@ class Robot:
         if camera is None:
             return None
         self.pointing.T_base_cam = camera.T_base_cam
-        frame = self._frame(pair, camera)
+        odom = self._odom(pair.t_ns)
+        if 0 < self._unknown < UNKNOWN:
+            return None
+        frame = self._frame(pair, camera, odom)
         report = self._carried_out(self.agent.step(frame, self.news(), self.now_ns()))
         self._note_shots(report)
         if self.head is not None and report.look is not None:
@@ -74,9 +81,8 @@ class Robot:
             self.head.turn(report.look, self.now_ns())
         return report
 
-    def _frame(self, pair: StereoPair, camera: CameraPose) -> Frame:
-        odom = self._odom(pair.t_ns)
-        is_still = stands = self._stands(pair.t_ns)
+    def _frame(self, pair: StereoPair, camera: CameraPose, odom: OdomPose | None) -> Frame:
+        is_still = stands = self._stands(pair.t_ns, odom)
         if self.head is not None:
             is_still &= self.head.is_still(camera.angles, self.now_ns())
         return Frame(pair, camera, odom, stands, is_still)
@@ -86,13 +92,22 @@ class Robot:
             return None
         pose = self.odometer.at(t_ns, WAIT_S)
         failure = self.odometer.failure
-        self.health.note("odometry", None if failure is None else failure.detail)
+        self._unknown = self._unknown + 1 if pose is None and failure is None else 0
+        if failure is not None:
+            self.health.note("odometry", failure.detail)
+        elif pose is not None:
+            self.health.note("odometry", None)
+        elif self._unknown >= UNKNOWN:
+            self.health.note("odometry", "no readings around the times of exposures")
         return pose
 
-    def _stands(self, t_ns: int) -> bool:
-        """Since before the exposure, and still so."""
+    def _stands(self, t_ns: int, odom: OdomPose | None) -> bool:
+        """Since before the exposure, and still so. An exposure that no reading belongs to may be of
+        another time than it says."""
         if self.odometer is None:
             return self.stationary
+        if odom is None:
+            return False
         since_ns = self.odometer.still_since_ns(self.utc_ns())
         return since_ns is not None and since_ns <= t_ns
 

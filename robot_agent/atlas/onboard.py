@@ -67,6 +67,13 @@ class OnBoard:
         return now.T_map_base @ T_base_cam, Ad @ now.cov @ Ad.T
 
     def pose(self, t_ns: int) -> Pose:
+        try:
+            return self._pose(t_ns)
+        except _NUMERIC:
+            self._track.interrupt()
+            return self._pose(t_ns)
+
+    def _pose(self, t_ns: int) -> Pose:
         now, assured = self._track.live(), self._track.assurance()
         return Pose(
             T_map_base=None if now.T_map_base is None else transform(now.T_map_base),

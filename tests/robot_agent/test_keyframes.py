@@ -50,3 +50,9 @@ def test_odometry_that_began_anew_tells_no_way():
 def test_a_spacing_that_cannot_be_is_refused(value):
     with pytest.raises(ValueError, match="way_m is"):
         Spacing(way_m=value)
+
+
+def test_a_clock_that_was_set_back_does_not_stop_them():
+    last = moment(3600.0)
+    assert is_due(SPACING, last, moment(0.0, still=True))
+    assert not is_due(SPACING, moment(0.0), moment(0.1, still=True))

@@ -27,7 +27,13 @@ def run(program: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    "module", ["robot_agent.cli", "robot_agent.process", "robot_agent.devices.check"]
+    "module",
+    [
+        "robot_agent.cli",
+        "robot_agent.process",
+        "robot_agent.robot_process",
+        "robot_agent.devices.check",
+    ],
 )
 def test_the_agent_needs_none_of_them(module: str):
     done = run(f"{WITHOUT}import {module}")
@@ -44,6 +50,33 @@ def test_reading_a_configuration_imports_none_of_them(tmp_path: Path):
         f"print([name for name in {packages} if name in sys.modules])"
     )
     assert done.stdout == "[]\n", done.stderr
+
+
+def test_a_robot_of_cameras_alone_imports_none_of_them(tmp_path: Path):
+    """Its gear is opened, and it is assembled."""
+    path = tmp_path / "robot.toml"
+    path.write_text(
+        'rig = "wide-angle"\nT_base_cam = {p_m = [0, 0, 0]}\ncameras.network.host = "127.0.0.1"\n'
+    )
+    packages = (*PACKAGES, "cv2")
+    done = run(
+        "import contextlib, pathlib, sys, numpy;"
+        "from robot_agent.assembly import Company, assemble, atlas_of, check;"
+        "from robot_agent.devices.config import read_config;"
+        "from robot_agent.gear import open_gear;"
+        "from robot_agent.health import Health;"
+        "import robot_agent.robot_process;"
+        f"path = pathlib.Path({str(path)!r});"
+        "config = read_config(path); check(config, path);"
+        "opened = contextlib.ExitStack();"
+        "gear = open_gear(config, path, opened);"
+        "company, rng = Company(None, None), numpy.random.default_rng();"
+        "health = Health('r1');"
+        "robot = assemble(config, gear, atlas_of(config), 's', company, health, rng, opened);"
+        "opened.close();"
+        f"print(robot.devices, [name for name in {packages} if name in sys.modules])"
+    )
+    assert done.stdout == "None []\n", done.stderr
 
 
 def test_a_missing_package_names_its_extra_and_the_rest_is_checked(tmp_path: Path):
