@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 INTERVAL_S = 2.0
 SHARE = 3.0
+# With the rest the work of the next solve grows: what comes meanwhile must be taken in, too.
+LONGEST_REST_S = 15.0
 LONGEST_PAUSE_S = 60.0
 
 
@@ -12,7 +14,8 @@ class Cadence:
     """Counts generations of facts: `have` is committed, `solved` is in the map.
 
     A solve starts when there is something new and `INTERVAL_S` or `SHARE` times the last solve's
-    duration has passed since it ended, or at once when it is `wanted`. Failures double the pause.
+    duration, `LONGEST_REST_S` at most, has passed since it ended, or at once when it is `wanted`.
+    Failures double the pause.
     """
 
     have: int = 0
@@ -43,7 +46,8 @@ class Cadence:
     def finish(self, now_s: float) -> None:
         assert self.running is not None
         self.solved, self.running, self.failures = self.running, None, 0
-        self.rest_until_s = now_s + max(INTERVAL_S, SHARE * (now_s - self.started_s))
+        rest_s = min(SHARE * (now_s - self.started_s), LONGEST_REST_S)
+        self.rest_until_s = now_s + max(INTERVAL_S, rest_s)
 
     def fail(self, now_s: float) -> None:
         """What was running is void: it will be due again after a pause."""

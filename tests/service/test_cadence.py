@@ -19,6 +19,16 @@ def test_rests_three_times_as_long_as_it_solved():
     assert cadence.is_due(26.0)
 
 
+def test_rests_no_longer_than_a_quarter_of_a_minute():
+    cadence = Cadence()
+    cadence.changed()
+    cadence.start(0.0)
+    cadence.changed()
+    cadence.finish(40.0)
+    assert not cadence.is_due(54.9)
+    assert cadence.is_due(55.0)
+
+
 def test_rests_two_seconds_at_least():
     cadence = Cadence()
     cadence.changed()
