@@ -10,6 +10,7 @@ import click
 if TYPE_CHECKING:
     from fleet.evaluation.scores.contract import Scores
     from fleet.evaluation.scores.evidence import Evidence
+    from fleet.simulation.scenario.description import Scenario
     from fleet.simulation.world.world import World
 
 
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     metavar="SEED",
     help="Add faults drawn from SEED.",
 )
+@click.option("--live", is_flag=True, help="In true time: real programs, sockets and Zenoh.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def run(
     scenario: str | None,
@@ -48,12 +50,14 @@ def run(
     duration_s: float | None,
     exact: bool,
     chaos: int | None,
+    live: bool,
     as_json: bool,
 ) -> None:
     """Play SCENARIO, a file or one of --list, and score it against the truth.
 
     In virtual time: world, agents, router and service in one process, bit for bit the same for a
-    seed. Ctrl-C ends it early, and what was played is scored.
+    seed. With --live as processes of their own, in true time. Ctrl-C ends it early, and what was
+    played is scored.
     """
     if as_list:
         _list()
@@ -69,11 +73,11 @@ def run(
     from fleet.running.folder import new_folder
     from fleet.virtual.run import SITE_NUMBER
 
-    world = _world(scenario, seed, duration_s, exact, chaos)
-    name = world.scenario.name
+    chosen = _scenario(scenario, duration_s, exact, chaos)
+    seed, name = chosen.seed if seed is None else seed, chosen.name
     folder = new_folder(out or Path(time.strftime(f"{name}-%Y%m%d-%H%M%S"))).absolute()
-    click.echo(f"{name}, seed {world.seed}: in {folder.name}", err=True)
-    evidence = _played(world, folder)
+    click.echo(f"{name}, seed {seed}: in {folder.name}", err=True)
+    evidence = _played(chosen, seed, folder, live)
     click.echo("judging", err=True)
     findings = find(evidence, SITE_NUMBER)
     report = folder / "report.html"
@@ -93,52 +97,32 @@ def _list() -> None:
         click.echo(f"{name:14}{read_scenario(name).about}")
 
 
-def _world(
-    source: str, seed: int | None, duration_s: float | None, exact: bool, chaos: int | None
-) -> "World":
+def _scenario(source: str, duration_s: float | None, exact: bool, chaos: int | None) -> "Scenario":
     from msgspec.structs import replace
 
-    from fleet.running.scenario import START_NS
     from fleet.simulation.scenario.chaos import with_chaos
     from fleet.simulation.scenario.reading import read_scenario
-    from fleet.simulation.world.build import build_world
 
     scenario = read_scenario(source)
     if duration_s is not None:
         scenario = replace(scenario, duration_s=duration_s)
     if exact:
         scenario = replace(scenario, calibration=replace(scenario.calibration, exact=True))
-    if chaos is not None:
-        scenario = with_chaos(scenario, chaos)
-    return build_world(scenario, scenario.seed if seed is None else seed, START_NS)
+    return scenario if chaos is None else with_chaos(scenario, chaos)
 
 
-def _played(world: "World", folder: Path) -> "Evidence":
-    from fleet.running.scenario import play_scenario
+def _played(scenario: "Scenario", seed: int, folder: Path, live: bool) -> "Evidence":
+    from fleet.cli.interrupt import ending_early
+    from fleet.cli.live import played_live
+    from fleet.running.scenario import START_NS, play_scenario
+    from fleet.simulation.world.build import build_world
 
-    with _interrupted() as stopped, _progress(world) as tell:
-        return play_scenario(world, folder, tell, stopped)
-
-
-@contextmanager
-def _interrupted() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C once: whether it was pressed. Twice: the end."""
-    import signal
-
-    pressed: list[int] = []
-
-    def press(number: int, _frame: object) -> None:
-        if pressed:
-            raise KeyboardInterrupt
-        pressed.append(number)
-        click.echo("ending early; once more to give up", err=True)
-
-    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: bool(pressed)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with ending_early() as stopped:
+        if live:
+            return played_live(scenario, seed, folder, stopped)
+        world = build_world(scenario, seed, START_NS)
+        with _progress(world) as tell:
+            return play_scenario(world, folder, tell, stopped)
 
 
 @contextmanager

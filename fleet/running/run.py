@@ -2,17 +2,15 @@
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from fleet.replay.recording import Recording, write_journals
 from fleet.running.final_map import solve_finally
-from fleet.running.progress import Progress
+from fleet.running.progress import Progress, counts
 from fleet.running.results import Results, read_results
 from fleet.running.supervisor import PAUSE_S, SitePlan, Supervisor, playing
-from tagmap.errors import DataError, StoreError
-from tagmap.store import Counts, SiteStore
+from tagmap.errors import DataError
 
 SITE = "site"
 
@@ -48,7 +46,7 @@ def run_recording(
     supervisor = Supervisor(plan, tell)
     try:
         supervisor.start()
-        with Progress(total, lambda: _counts(plan.db), tell) as progress:
+        with Progress(total, lambda: counts(plan.db), tell) as progress:
             while not supervisor.finished:
                 supervisor.tend()
                 progress.show()
@@ -67,10 +65,3 @@ def require_new(db: Path) -> None:
         raise DataError(f"{db}: exists already; a replay starts with an empty database")
     if not db.absolute().parent.is_dir():
         raise DataError(f"{db}: its folder does not exist")
-
-
-def _counts(db: Path) -> Counts | None:
-    """None while there is nothing to count yet."""
-    with suppress(StoreError), SiteStore.open(db, read_only=True) as store:
-        return store.counts()
-    return None

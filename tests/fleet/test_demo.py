@@ -1,27 +1,46 @@
-"""The demo, shortened: from nothing to a map, in a folder of its own choosing."""
+"""`fleet demo` is one run of one scenario in true time, with the options that it was given."""
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 
-from tagmap.store.check import check
+import pytest
+from click.testing import CliRunner
 
-SHORT = ("--duration-s", "20", "--speed", "20", "--json")
+from fleet.cli import live
+from fleet.cli.root import cli
+from tagmap.errors import TagmapError
+
+Given = list[tuple[object, ...]]
 
 
-def test_a_demo_maps_tags_in_the_working_directory(tmp_path: Path):
-    command = [sys.executable, "-m", "fleet.cli", "demo", *SHORT]
-    done = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
-    (folder,) = tmp_path.iterdir()
+@pytest.fixture
+def given(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Given:
+    """What is to be played; nothing is."""
+    noted: Given = []
+
+    def play(scenario, seed, folder, stopped):  # noqa: ARG001
+        noted.append((scenario.name, scenario.duration_s, len(scenario.robot), seed, folder))
+        raise TagmapError("played")
+
+    monkeypatch.setattr(live, "played_live", play)
+    monkeypatch.chdir(tmp_path)
+    return noted
+
+
+def test_without_options_it_goes_into_a_new_folder_here(given: Given, tmp_path: Path):
+    done = CliRunner().invoke(cli, ["demo"])
+    assert str(done.exception) == "played"
+    ((name, duration_s, robots, seed, folder),) = given
+    assert (name, duration_s, robots, seed) == ("demo", 100.0, 3, 1)
+    assert folder.parent == tmp_path
     assert folder.name.startswith("demo-")
-    assert Path(result["db"]) == folder / "site.db"
-    assert result["keyframes_stored"] == result["keyframes_sent"] > 0
-    assert result["landmarks"]["n"] >= 15
-    assert result["landmarks"]["rmse_m"] < 0.03
-    assert (tmp_path / result["floor_plan"]).read_bytes().startswith(b"\x89PNG")
-    assert check(folder / "site.db") == []
+
+
+def test_options_are_passed_on(given: Given, tmp_path: Path):
+    CliRunner().invoke(cli, ["demo", "--seed", "7", "--duration-s", "20", "--out", "mine"])
+    ((_, duration_s, _, seed, folder),) = given
+    assert (duration_s, seed, folder) == (20.0, 7, tmp_path / "mine")
+
+
+def test_live_is_no_other_run(given: Given):
+    CliRunner().invoke(cli, ["run", "hall-small", "--live", "--exact"])
+    assert [one[:4] for one in given] == [("hall-small", 300.0, 3, 1)]

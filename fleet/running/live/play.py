@@ -23,17 +23,12 @@ if TYPE_CHECKING:
     from fleet.evaluation.scores.evidence import Evidence
     from fleet.simulation.world.world import World
 
-LEAD_S, LEAD_ROBOT_S = 8.0, 2.0
 PAUSE_S = 0.05
 SETTLE_S = 60.0
 SOLVE_S = 60.0
+TOO_SOON = "ended before the world began"
 
 Line = Callable[[str], None]
-
-
-def begins_ns(robots: int) -> int:
-    """When a world may begin that is built now: by then all programs should have started."""
-    return time.time_ns() + round(1e9 * (LEAD_S + LEAD_ROBOT_S * robots))
 
 
 def play_live(
@@ -61,6 +56,8 @@ def play_live(
         emulated = WorldProcess(write_plan(plan, folder))
         opened.callback(emulated.stop)
         emulated.start(stopped)
+        if stopped():
+            raise TagmapError(TOO_SOON)
         site = opened.enter_context(LiveSite(world.robots, folder, SITE, SITE_NUMBER, tape, say))
         _run(world, emulated, site, tell, say, stopped)
         _solve(site, say)
@@ -97,8 +94,10 @@ def _run(
             say(act.what)
             act.do()
         if stopped() and now_ns < world.end_ns:
-            world.end_ns = max(now_ns, world.start_ns)
-            emulated.end_at(world.end_ns)
+            if now_ns <= world.start_ns:
+                raise TagmapError(TOO_SOON)
+            world.end_ns = now_ns
+            emulated.end_at(now_ns)
         site.tend()
         emulated.check()
         tell(min(now_ns, world.end_ns))
