@@ -125,11 +125,14 @@ class LiveRobots:
         """Go on through what is settled, for about so many corrections, shared by the robots; what
         is left of them goes to those who have yet to turn.
 
-        The poses of those who arrived at the end; the others stay behind until the next call.
+        The poses of those who arrived at the end; the others stay behind until the next call, where
+        they come first.
         """
         poses: dict[str, Pose] = {}
         share, cost = max(1, budget // max(1, len(self.behind))), 0.0
         for robot in list(self.behind):
+            if cost >= budget:
+                break
             live = self.robots[robot]
             cost += _follow(live, share)
             if not live.is_behind:
@@ -188,8 +191,9 @@ def _start_from(live: LiveRobot, known: Known) -> None:
 
 
 def _follow(live: LiveRobot, budget: int) -> float:
-    """Who is far behind moves by odometry alone, which is quick, until the end is in sight."""
-    cost, t_ns = 0.0, None
+    """Who is behind moves by odometry alone, which is quick; the last few keyframes correct, as many
+    as the budget allows."""
+    cost, t_ns, corrected = 0.0, None, min(budget, MAX_CORRECTED)
     while live.is_behind and cost < budget:
         keyframe = live.waiting.pop(live.next_seq, None)
         live.next_seq += 1
@@ -198,7 +202,7 @@ def _follow(live: LiveRobot, budget: int) -> float:
             continue
         _note(live, keyframe)
         t_ns = keyframe.t_ns
-        if live.reach - keyframe.seq > MAX_CORRECTED:
+        if live.reach - keyframe.seq >= corrected:
             cost += COST_OF_MOVING
         else:
             cost += 1.0

@@ -223,3 +223,24 @@ def test_a_trail_forgets_its_oldest_part(monkeypatch):
     assert seqs[-1] == 400
     assert set(np.diff(seqs)) == {1}
     np.testing.assert_allclose(moments[0].T_map_base, T_map_base(seqs[0]), atol=1e-6)
+
+
+def test_of_many_robots_that_are_behind_each_is_corrected_by_its_newest_keyframe(monkeypatch):
+    """What is left undone of a turn comes first in the next."""
+    mapper, robots = mapped(), [f"r{n}" for n in range(1, 41)]
+    feed(mapper, *(hello(robot=robot, number=n) for n, robot in enumerate(robots, start=1)))
+    corrected, see = [], live.Track.see
+    monkeypatch.setattr(live.Track, "see", lambda *args: corrected.append(1) or see(*args))
+    frames = [drive(seq, robot=robot) for robot in robots for seq in (1, 2, 3)]
+    mapper.step([Arrival(frame.robot, encode(frame)) for frame in frames])
+    first = mapper.follow()
+    assert 0 < len(first) < len(robots)
+    mapper.step([Arrival("r1", encode(drive(4, robot="r1")))])
+    told = first | mapper.follow()
+    assert {robot for robot in robots if robot not in told} == set()
+    while mapper.is_behind:
+        told |= mapper.follow()
+    assert_at(told["r1"], T_map_base(4), 4)
+    for robot in robots[1:]:
+        assert_at(told[robot], T_map_base(3), 3)
+    assert len(corrected) == len(robots) + 1
