@@ -6,11 +6,16 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 
 from tagmap.conventions import Kind
 from tagmap.link.router import RouterProcess
+
+# What is compiled on its first use takes longer than any example has.
+hypothesis.settings.register_profile("no deadline", deadline=None)
+hypothesis.settings.load_profile("no deadline")
 
 PATIENCE_S = 20.0
 KINDS: tuple[Kind, ...] = ("planar", "spatial")

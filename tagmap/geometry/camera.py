@@ -5,12 +5,11 @@ of the top-left pixel.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from tagmap.conventions import Array
+from tagmap.geometry.rows import rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +68,3 @@ def undistort(camera: Camera, px: Array) -> Array:
     ray = np.empty(px.shape)
     lens.undistort(camera.array, rows(px), ray.reshape(-1, 2))
     return ray
-
-
-def rows(x: npt.NDArray[Any]) -> Array:
-    """(..., n) as kernels want it, (N, n)."""
-    return np.ascontiguousarray(x, dtype=np.float64).reshape(-1, x.shape[-1])

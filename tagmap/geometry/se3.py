@@ -11,6 +11,7 @@ import numpy as np
 
 from tagmap.conventions import Array
 from tagmap.geometry import so3
+from tagmap.geometry.rows import rows
 from tagmap.geometry.small_angle import cosine_remainder, mixed_remainder, sine_remainder
 
 _UNMOVED = np.eye(4)
@@ -70,16 +71,20 @@ def one_to_p_q(T: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 def exp(xi: Array) -> Array:
     """Tangent (..., 6) to (..., 4, 4)."""
-    v, omega = xi[..., :3], xi[..., 3:]
-    p = (so3.left_jacobian(omega) @ v[..., None])[..., 0]
-    return from_p_R(p, so3.exp(omega))
+    from tagmap.geometry.kernels import lie
+
+    T = np.empty((*xi.shape[:-1], 4, 4))
+    lie.transforms(rows(xi), T.reshape(-1, 4, 4))
+    return T
 
 
 def log(T: Array) -> Array:
     """(..., 4, 4) to the tangent (..., 6) whose rotation is at most pi."""
-    omega = so3.log(T[..., :3, :3])
-    v = (so3.left_jacobian_inverse(omega) @ T[..., :3, 3, None])[..., 0]
-    return np.concatenate([v, omega], axis=-1)
+    from tagmap.geometry.kernels import lie
+
+    xi = np.empty((*T.shape[:-2], 6))
+    lie.tangents(rows(T, 4, 4), xi.reshape(-1, 6))
+    return xi
 
 
 def inverse(T: Array) -> Array:

@@ -14,10 +14,10 @@ from tagmap.conventions import Array
 SMALL_RAD = 0.5
 
 # Coefficients of t^(2 k), highest power first.
-_SINE_3 = [(-1) ** k / factorial(2 * k + 3) for k in reversed(range(7))]
+SINE_3 = [(-1) ** k / factorial(2 * k + 3) for k in reversed(range(7))]
 _COSINE_4 = [(-1) ** k / factorial(2 * k + 4) for k in reversed(range(7))]
 _MIXED_5 = [(-1) ** k * (k + 1) / factorial(2 * k + 5) for k in reversed(range(7))]
-_COTANGENT = [691 / 1307674368000, 1 / 47900160, 1 / 1209600, 1 / 30240, 1 / 720, 1 / 12]
+COTANGENT = [691 / 1307674368000, 1 / 47900160, 1 / 1209600, 1 / 30240, 1 / 720, 1 / 12]
 
 
 def sine_quotient(theta: Array) -> Array:
@@ -33,7 +33,7 @@ def cosine_quotient(theta: Array) -> Array:
 
 def sine_remainder(theta: Array) -> Array:
     """(t - sin(t)) / t^3, 1/6 at 0."""
-    return _quotient(theta, _SINE_3, lambda t: (t - np.sin(t)) / t**3)
+    return _quotient(theta, SINE_3, lambda t: (t - np.sin(t)) / t**3)
 
 
 def cosine_remainder(theta: Array) -> Array:
@@ -50,7 +50,7 @@ def mixed_remainder(theta: Array) -> Array:
 
 def cotangent_remainder(theta: Array) -> Array:
     """(1 - (t / 2) cot(t / 2)) / t^2, 1/12 at 0; for |t| < 2 pi."""
-    return _quotient(theta, _COTANGENT, lambda t: (1.0 - 0.5 * t / np.tan(0.5 * t)) / t**2)
+    return _quotient(theta, COTANGENT, lambda t: (1.0 - 0.5 * t / np.tan(0.5 * t)) / t**2)
 
 
 def _quotient(theta: Array, series: list[float], closed: Callable[[Array], Array]) -> Array:

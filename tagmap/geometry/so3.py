@@ -7,14 +7,12 @@ after Bar-Itzhack (2000), taking the best conditioned of four rows.
 import numpy as np
 
 from tagmap.conventions import Array
+from tagmap.geometry.rows import rows
 from tagmap.geometry.small_angle import (
     cosine_quotient,
     cotangent_remainder,
-    sine_quotient,
     sine_remainder,
 )
-
-_SMALL_SINE = 1e-4
 
 
 def hat(omega: Array) -> Array:
@@ -35,8 +33,10 @@ def _angle(omega: Array) -> Array:
 
 def exp(omega: Array) -> Array:
     """Rotation vector (..., 3) to rotation matrix (..., 3, 3): Rodrigues' formula."""
-    theta, w = _angle(omega), hat(omega)
-    R: Array = np.eye(3) + sine_quotient(theta) * w + cosine_quotient(theta) * (w @ w)
+    from tagmap.geometry.kernels import lie
+
+    R = np.empty((*omega.shape, 3))
+    lie.rotations(rows(omega), R.reshape(-1, 3, 3))
     return R
 
 
@@ -45,15 +45,11 @@ def log(R: Array) -> Array:
 
     At pi the axis has two signs; one of them is returned.
     """
-    q = to_quaternion(R)
-    w, vector = q[..., :1], q[..., 1:]
-    sine = np.sqrt((vector * vector).sum(-1, keepdims=True))
-    small = sine < _SMALL_SINE
-    exact = 2.0 * np.arctan2(sine, w) / np.where(small, 1.0, sine)
-    ratio = sine / np.where(small, w, 1.0)
-    series = 2.0 / np.where(small, w, 1.0) * (1.0 - ratio * ratio / 3.0)
-    scaled: Array = np.where(small, series, exact) * vector
-    return scaled
+    from tagmap.geometry.kernels import lie
+
+    omega = np.empty(R.shape[:-1])
+    lie.vectors(rows(R, 3, 3), omega.reshape(-1, 3))
+    return omega
 
 
 def left_jacobian(omega: Array) -> Array:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry.camera import Camera, rows
+from tagmap.geometry.camera import Camera
+from tagmap.geometry.rows import rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ def triangulate(rig: StereoRig, stereo_px: Array, cov: Array) -> tuple[Array, Ar
         weight = np.broadcast_to(weight, (*shape, 4, 4))
     z = rows(stereo_px)
     p_cam, cov_cam, chi2 = np.empty((len(z), 3)), np.empty((len(z), 3, 3)), np.empty(len(z))
-    pairs.triangulate(*_arrays(rig), z, rows(weight).reshape(-1, 4, 4), p_cam, cov_cam, chi2)
+    pairs.triangulate(*_arrays(rig), z, rows(weight, 4, 4), p_cam, cov_cam, chi2)
     return p_cam.reshape(*shape, 3), cov_cam.reshape(*shape, 3, 3), chi2.reshape(shape)
 
 

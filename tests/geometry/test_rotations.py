@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tagmap.geometry import se2, se3, small_angle, so3
+from tagmap.geometry.kernels import lie
 from tests.geometry.lie import ANGLES_RAD, tangents
 
 
@@ -69,10 +70,20 @@ SERIES = {
 }
 
 
+COMPILED = ("sine_quotient", "cosine_quotient", "sine_remainder")
+
+
 @pytest.mark.parametrize("angle_rad", ANGLES_RAD)
 @pytest.mark.parametrize("name", SERIES)
 def test_quotients_equal_their_exact_series(name: str, angle_rad: float) -> None:
     value = getattr(small_angle, name)(np.array(angle_rad))
+    assert value == pytest.approx(_taylor(SERIES[name], angle_rad), rel=2e-13)
+
+
+@pytest.mark.parametrize("angle_rad", ANGLES_RAD)
+@pytest.mark.parametrize("name", COMPILED)
+def test_compiled_quotients_equal_their_exact_series(name: str, angle_rad: float) -> None:
+    value = getattr(lie, name)(float(angle_rad))
     assert value == pytest.approx(_taylor(SERIES[name], angle_rad), rel=2e-13)
 
 
@@ -82,7 +93,6 @@ def test_cotangent_remainder_from_the_exact_sine_and_cosine(angle_rad: float) ->
     sine = _taylor(SERIES["sine_quotient"], half)
     # 1 - x cot(x) = (sin(x)/x - cos(x)) / (sin(x)/x), and sin(x)/x - cos(x) has its own series.
     difference = _taylor(lambda k: Fraction((-1) ** k * (2 * k + 2), factorial(2 * k + 3)), half)
-    expected = difference / sine / 4
-    assert small_angle.cotangent_remainder(np.array(angle_rad)) == pytest.approx(
-        expected, rel=2e-13
-    )
+    expected = pytest.approx(difference / sine / 4, rel=2e-13)
+    assert small_angle.cotangent_remainder(np.array(angle_rad)) == expected
+    assert lie.cotangent_remainder(float(angle_rad)) == expected

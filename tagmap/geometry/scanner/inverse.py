@@ -4,7 +4,7 @@ the target is a point, not a direction."""
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry.camera import rows
+from tagmap.geometry.rows import rows
 from tagmap.geometry.scanner.mirrors import Mirrors
 
 

@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry.camera import rows
+from tagmap.geometry.rows import rows
 
 PARAMETERS = (
     "separation_m",
