@@ -191,8 +191,8 @@ def _start_from(live: LiveRobot, known: Known) -> None:
 
 
 def _follow(live: LiveRobot, budget: int) -> float:
-    """Who is behind moves by odometry alone, which is quick; the last few keyframes correct, as many
-    as the budget allows."""
+    """Who is behind moves by odometry alone, which is quick; the last keyframes correct, as many as
+    the budget allows."""
     cost, t_ns, corrected = 0.0, None, min(budget, MAX_CORRECTED)
     while live.is_behind and cost < budget:
         keyframe = live.waiting.pop(live.next_seq, None)
