@@ -11,6 +11,8 @@ from tagmap.arbitration.rules import SECOND_NS, Rules
 LEAST_UNANSWERED = 5
 LONGEST_GAP_S = 10.0
 """A robot asks when it stands: pauses up to so long do not break a silence."""
+LONGEST_RETRY_S = 10.0
+"""No answer keeps a robot from asking for longer."""
 
 
 @dataclass(slots=True)
@@ -54,9 +56,12 @@ class Holder:
         if ticket != self.ticket or self.asked_ns is None:
             return
         asked_ns, self.asked_ns = self.asked_ns, None
+        # Longer ones there are none: who waits for a service that was restarted counts on it.
+        valid_s = min(valid_s, self.rules.max_lease_s)
         stop_ns = asked_ns + round((valid_s - self.rules.stop_s) * SECOND_NS)
         if lease is None or stop_ns <= now_ns:
-            self.ask_at_ns = now_ns + round(max(retry_s, self.rules.stop_s) * SECOND_NS)
+            retry_s = min(max(retry_s, self.rules.stop_s), LONGEST_RETRY_S)
+            self.ask_at_ns = now_ns + round(retry_s * SECOND_NS)
             return
         self.lease, self.stop_ns = lease, stop_ns
 

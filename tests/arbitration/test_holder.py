@@ -1,6 +1,6 @@
 """When a robot may have the laser on, by its own clock."""
 
-from tagmap.arbitration.holder import Holder
+from tagmap.arbitration.holder import LONGEST_RETRY_S, Holder
 from tagmap.arbitration.rules import SECOND_NS, Rules
 
 RULES = Rules()
@@ -83,3 +83,16 @@ def test_who_has_not_asked_is_not_alone():
     ask_in_vain(holder, 1034.0)
     assert holder.is_alone(at(1034.3))
     assert not holder.is_alone(at(1040.0)), "who knows what is now"
+
+
+def test_no_answer_keeps_a_robot_from_asking_for_ever():
+    holder = Holder(RULES)
+    holder.take(holder.ask(at(1.0)), None, 0.0, 1e12, at(1.0))
+    assert holder.may_ask(at(1.0 + LONGEST_RETRY_S))
+
+
+def test_no_lease_is_longer_than_the_longest_whatever_the_answer_says():
+    holder = Holder(RULES)
+    holder.take(holder.ask(at(1.0)), 7, 1e12, 0.0, at(1.1))
+    assert holder.may_shoot(at(1.1))
+    assert not holder.may_shoot(at(1.0 + RULES.max_lease_s))

@@ -41,7 +41,8 @@ def small_world(folder, text=ROOM, seed=1):
 @dataclass
 class Lone:
     """`news` are handed to the agent one per exposure; `grants`: whether there is a service;
-    `settings`: of the agent, instead of the usual ones."""
+    `retry_s`: it gives no leases, but says when to ask again; `settings`: of the agent, instead of
+    the usual ones."""
 
     world: object
     news: list = field(default_factory=list)
@@ -51,6 +52,7 @@ class Lone:
     agent: object = None
     reports: list = field(default_factory=list)
     leases: int = 0
+    retry_s: float | None = None
 
     def __post_init__(self):
         (self.robot,) = self.world.robots.values()
@@ -82,6 +84,8 @@ class Lone:
             self.time.wait_ns(round(1e9 * timeout_s))
             return None
         self.leases += 1
+        if self.retry_s is not None:
+            return LeaseReply(lease=None, valid_s=0.0, retry_s=self.retry_s)
         lease = self.time.now_ns() if request.wanted_s else None
         return LeaseReply(lease=lease, valid_s=request.wanted_s, retry_s=0.0)
 

@@ -118,6 +118,12 @@ def test_a_job_is_carried_out_at_its_tag_and_nowhere_else(world):
     assert all(not any(world.scene.tag(t).memory.words) for t in blank)
 
 
+def test_a_robot_that_may_not_shoot_sees_on(world):
+    robot = Lone(world, retry_s=3600.0).run(lambda r: len(r.reports) >= 20)
+    assert robot.outcomes == []
+    assert 1 <= robot.leases <= 3
+
+
 def test_the_same_seed_is_the_same_life(tmp_path):
     runs = []
     for name in ("a", "b"):
