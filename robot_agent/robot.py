@@ -60,7 +60,8 @@ class Robot:
         pair = self.cameras.grab(self.grab_s)
         self.failure = pair if isinstance(pair, CameraFailure) else None
         if isinstance(pair, CameraFailure):
-            self.health.note("cameras", f"{pair.reason}: {pair.detail}")
+            if pair.reason != "ended":
+                self.health.note("cameras", f"{pair.reason}: {pair.detail}")
             return None
         self.health.note("cameras", None)
         camera = self.mounting.at(pair.t_ns, WAIT_S)

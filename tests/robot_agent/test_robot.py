@@ -59,6 +59,14 @@ def test_cameras_that_fail_and_come_back(told):
     assert told() == ["cameras: failed, going on without", "cameras: works again"]
 
 
+def test_a_recording_that_is_over_is_no_failure(told):
+    one = robot()
+    one.cameras.failure = CameraFailure("ended", "no more pairs")
+    assert one.cycle() is None
+    assert one.failure.reason == "ended"
+    assert told() == []
+
+
 def test_odometry_that_is_lost_and_comes_back(told):
     """The robot sees on, and does not take itself for standing."""
     one = robot()
