@@ -1,5 +1,8 @@
 """`fleet demo` is one run of one scenario in true time, with the options that it was given."""
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -8,6 +11,7 @@ from click.testing import CliRunner
 from fleet.cli import live
 from fleet.cli.root import cli
 from tagmap.errors import TagmapError
+from tagmap.store.check import check
 
 Given = list[tuple[object, ...]]
 
@@ -44,3 +48,22 @@ def test_options_are_passed_on(given: Given, tmp_path: Path):
 def test_live_is_no_other_run(given: Given):
     CliRunner().invoke(cli, ["run", "hall-small", "--live", "--exact"])
     assert [one[:4] for one in given] == [("hall-small", 300.0, 3, 1)]
+
+
+@pytest.mark.slow
+def test_from_nothing_to_a_map_that_is_in_the_tags(tmp_path: Path):
+    command = [sys.executable, "-m", "fleet.cli", "demo", "--json"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    scores = json.loads(done.stdout)
+    (folder,) = tmp_path.iterdir()
+    assert Path(scores["db"]) == folder / "site.db"
+    assert scores["keyframes_stored"] == scores["keyframes_sent"] > 200
+    assert scores["keyframes_lost"] == scores["ids_wrong"] == scores["records_torn"] == 0
+    assert scores["tags_mapped"] >= 16
+    assert scores["tag_rmse_anchored_m"] < 0.03
+    assert scores["records_right"] >= 6
+    assert "<html" in Path(scores["report"]).read_text()
+    for picture in ("plan", "growth", "poses", "acks"):
+        assert (folder / f"{picture}.png").read_bytes().startswith(b"\x89PNG")
+    assert check(folder / "site.db") == []

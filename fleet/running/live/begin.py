@@ -1,31 +1,37 @@
 """When a world in true time begins: once all programs should be there, on this machine, now."""
 
 import os
+import subprocess
+import sys
 import time
 
 from fleet.simulation.scenario.description import Scenario
 from fleet.simulation.world.build import build_world
 from fleet.simulation.world.world import World
 
-MARGIN, WORLD, PROGRAM = 0.8, 1.2, 0.9
-"""World and programs need so many times the time that it took this process to come this far."""
 OTHERS = 2
 """Programs besides the agents."""
+LOAD = (sys.executable, "-c", "import fleet.running.live.world")
 
 
 def world_soon(scenario: Scenario, seed: int) -> World:
-    """Raises ConfigError for what cannot be."""
-    began_s, worked_s = time.monotonic(), time.process_time()
-    build_world(scenario, seed, 0)
-    busy = (time.monotonic() - began_s) / max(time.process_time() - worked_s, 1e-3)
-    lead_s = lead(time.process_time(), max(1.0, busy), len(scenario.robot), _cores())
+    """Built twice: to see how long it takes, while a program is loaded to see that, and to begin
+    so much later. Raises ConfigError for what cannot be."""
+    began_s = time.monotonic()
+    with subprocess.Popen(LOAD) as loading:
+        build_world(scenario, seed, 0)
+        built_s = time.monotonic() - began_s
+        loading.wait()
+    loaded_s = time.monotonic() - began_s
+    lead_s = lead(loaded_s, built_s, len(scenario.robot), _cores())
     return build_world(scenario, seed, time.time_ns() + round(1e9 * lead_s))
 
 
-def lead(took_s: float, busy: float, robots: int, cores: int) -> float:
-    """took_s: of a processor, to start one program; busy: how many times longer that took. In s."""
-    programs = PROGRAM * (robots + OTHERS) / min(cores, robots + OTHERS)
-    return MARGIN * busy * took_s * (WORLD + programs)
+def lead(loaded_s: float, built_s: float, robots: int, cores: int) -> float:
+    """In s: this world is built once more here, and in its own process; then all others start."""
+    programs = robots + OTHERS
+    others_s = loaded_s * programs / min(cores, programs)
+    return built_s + loaded_s + built_s + others_s
 
 
 def _cores() -> int:

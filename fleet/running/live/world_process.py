@@ -32,11 +32,11 @@ class WorldProcess:
                 stderr=log,
                 start_new_session=True,
             )
-        until_s = time.monotonic() + START_S
-        while not self._is_ready() and not stopped():
-            self.check()
-            if time.monotonic() > until_s:
-                raise TagmapError(f"the world did not start within {START_S:g} s")
+        try:
+            self._wait(stopped)
+        except BaseException:
+            self.stop()
+            raise
 
     def check(self) -> None:
         """That it is still there."""
@@ -66,6 +66,13 @@ class WorldProcess:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+    def _wait(self, stopped: Callable[[], bool]) -> None:
+        until_s = time.monotonic() + START_S
+        while not self._is_ready() and not stopped():
+            self.check()
+            if time.monotonic() > until_s:
+                raise TagmapError(f"the world did not start within {START_S:g} s")
 
     def _is_ready(self) -> bool:
         assert self._process is not None
