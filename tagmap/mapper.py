@@ -87,7 +87,7 @@ class Mapper:
     def adopt(self, solution: "Solution", cause: str, now_ns: int) -> Adoption:
         """Make `solution` the next map version and re-base the robots onto it."""
         edition: Edition = self.book.adopt(solution, cause, now_ns)
-        ends = {f"{s.robot}/{s.session}": _end(s) for s in solution.sessions if len(s.seqs)}
+        ends = {f"{s.robot}/{s.session}": _end(s) for s in solution.sessions if _is_known(s)}
         for robot, live in self.live.robots.items():
             known = ends.get(f"{robot}/{live.hello.session}")
             self.live.rebase(robot, known, edition.T_new_old)
@@ -188,10 +188,11 @@ class Mapper:
         ]
 
 
+def _is_known(session: "SessionEstimate") -> bool:
+    """Whether its last pose is known well enough to go on from it: its cov is NaN if not."""
+    return bool(len(session.seqs)) and all(value == value for value in session.cov[-1])
+
+
 def _end(session: "SessionEstimate") -> Known:
-    """Without covariance where it was not computed: NaN from the solver."""
-    cov = None if session.cov is None else vector(session.cov[-1])
-    finite = cov is not None and all(value == value for value in cov)
-    T = transform(session.T[-1])
-    seq, t_ns = int(session.seqs[-1]), int(session.t_ns[-1])
-    return Known(seq=seq, t_ns=t_ns, T_map_base=T, cov=cov if finite else None)
+    T, cov = transform(session.T[-1]), vector(session.cov[-1])
+    return Known(seq=int(session.seqs[-1]), t_ns=int(session.t_ns[-1]), T_map_base=T, cov=cov)

@@ -7,6 +7,10 @@ On an anchored map covariances are absolute. On a floating one nothing ties the 
 building, so they say how well the map is known relative to itself: the covariance under inner
 constraints on the tags (Baarda's S-transformation), which is what remains after the best rigid
 alignment. To get there the frame is first held at as few coordinates as do it.
+
+A tag that is hardly known at all shifts that alignment, and so all the others. `relative` says how
+tags lie to those that are known well: aligned by weights that follow from the covariances, as
+networks are searched for points that moved (Chen, "Analysis of deformation surveys", 1983).
 """
 
 from collections.abc import Callable
@@ -27,17 +31,21 @@ from tagmap.estimation.optimise import Optimum
 from tagmap.estimation.problem import Problem
 from tagmap.estimation.system import System
 
-ROUNDING = 1e-6
 POSES_AT_ONCE = 42
+# Of `relative`: how often it weighs anew, and what no tag counts as known better than.
+WEIGHINGS = 10
+FINE_M = 0.05
+MOST_VARIANCE = 1e12
 
 
 class Marginals:
     """Covariances of all tags and calibration unknowns at once, of poses on demand.
 
-    Raises LinAlgError where the accepted factors do not determine everything, to rounding.
+    Raises LinAlgError where the accepted factors do not determine everything, to rounding. With
+    `held_m` everything is known so far already: what is not known else then shows.
     """
 
-    def __init__(self, problem: Problem, optimum: Optimum) -> None:
+    def __init__(self, problem: Problem, optimum: Optimum, held_m: float = np.inf) -> None:
         if problem.condensed is not None:
             problem = replace(problem, condensed=problem.condensed.efficient())
         self._problem = problem
@@ -46,24 +54,32 @@ class Marginals:
         self._point = self._system.at(
             self._system.values(optimum.state), self._system.belief(weights)
         )
+        self._hold_all(held_m)
         n = problem.n_poses
         self._L, self._D = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
         if not chain.factor(self._point.linear, 0.0, self._L, self._D, np.zeros((6, 6))):
             raise np.linalg.LinAlgError("poses are not determined")
         tags, between, corner = self._reduced()
-        motions = None
-        if is_free(problem):
-            motions = rigid_motions(problem, self._point.values.p)[: 3 * problem.n_tags]
-            tags = sparse.csc_matrix(tags + _hold(motions, tags.diagonal()))
-        self._solve, self._tags = _factored(tags, problem.n_tags)
+        self.is_free = is_free(problem)
+        self._motions = rigid_motions(problem, self._point.values.p)[: 3 * problem.n_tags]
+        if self.is_free:
+            tags = sparse.csc_matrix(tags + _hold(self._motions, tags.diagonal()))
+        self._solve, self._in_frame = _factored(tags, problem.n_tags)
         self._border(between, corner)
-        self._basis = None if motions is None else np.linalg.qr(motions)[0]
-        self._free()
-        self._check()
+        self._basis = np.linalg.qr(self._motions)[0] if self.is_free else None
+        self._tags = self._in_frame
+        if self.is_free:
+            self._tags = self._about(np.ones(problem.n_tags))
         self._inverse_blocks: Array | None = None
         begins = np.ones(n + 1, dtype=bool)
         begins[problem.odometry.first + 1] = False
         self._starts = np.flatnonzero(begins)
+
+    def _hold_all(self, held_m: float) -> None:
+        """Where it is, and a turn to as many radians: weakly."""
+        linear = self._point.linear
+        linear.tag_diagonal[:, range(3), range(3)] += held_m**-2.0
+        linear.diagonal[:, range(6), range(6)] += held_m**-2.0
 
     def _reduced(self) -> tuple[sparse.csc_matrix, Array, Array]:
         """S: of tags (sparse, both triangles), of tags with calibration, of calibration."""
@@ -101,32 +117,47 @@ class Marginals:
         factor = linalg.cho_factor(0.5 * (left + left.T))
         self._corner = linalg.cho_solve(factor, np.eye(len(corner)))
         by_tag = self._across.reshape(-1, 3, len(corner))
-        self._tags = self._tags + by_tag @ self._corner @ np.swapaxes(by_tag, -1, -2)
+        self._in_frame = self._in_frame + by_tag @ self._corner @ np.swapaxes(by_tag, -1, -2)
 
-    def _free(self) -> None:
-        """From the frame held to inner constraints: cov - G g' - g G' + G h G'."""
-        basis = self._basis
-        if basis is None:
-            return
-        g = self._solved(basis) + self._across @ (self._corner @ (self._across.T @ basis))
-        h = basis.T @ g
+    def _about(self, weights: Array) -> Array:
+        """(M, 3, 3) after the best rigid alignment by weights (M,): (1 - G F) cov (1 - G F)'.
+
+        G are rigid motions, orthonormal by weight: F = G' W.
+        """
+        root = np.repeat(np.sqrt(weights), 3)[:, None]
+        basis = np.linalg.qr(root * self._motions)[0] / root
+        F = basis * root**2
+        g = self._solved(F) + self._across @ (self._corner @ (self._across.T @ F))
+        h = F.T @ g
         G, c = basis.reshape(-1, 3, basis.shape[1]), g.reshape(-1, 3, basis.shape[1])
         cross = G @ np.swapaxes(c, -1, -2)
-        self._tags = self._tags - cross - np.swapaxes(cross, -1, -2)
-        self._tags = self._tags + G @ h @ np.swapaxes(G, -1, -2)
-
-    def _check(self) -> None:
-        d = self._problem.tag_dof
-        tags = 0.5 * (self._tags + np.swapaxes(self._tags, -1, -2))
-        self._tags = tags
-        eigenvalues = np.linalg.eigvalsh(tags[:, :d, :d])
-        if not (eigenvalues[:, 0] >= -ROUNDING * eigenvalues[:, -1]).all():
-            raise np.linalg.LinAlgError("a tag's covariance is lost in rounding")
+        free = self._in_frame - cross - np.swapaxes(cross, -1, -2)
+        cov: Array = free + G @ h @ np.swapaxes(G, -1, -2)
+        return cov
 
     def tags(self) -> Array:
-        """(M, d, d), map axes."""
+        """(M, d, d), map axes. What is lost in rounding is no covariance."""
+        return self._own_axes(self._tags)
+
+    def relative(self, firsts: Array) -> Array:
+        """(M, d, d) of the tags relative to those that are known well, where the map is as well.
+
+        firsts (C, M): weights to begin with; from those that leave most of the tags known best.
+        """
+        best = min((self._own_axes(self._about(w)) for w in firsts), key=_middle)
+        for _ in range(WEIGHINGS):
+            variance = np.clip(_variance(best), 0.0, MOST_VARIANCE)
+            best = self._own_axes(self._about(FINE_M**2 / (variance + FINE_M**2)))
+        return best
+
+    def own_information(self) -> Array:
+        """(M, d, d) of each tag, if all poses and other tags were known exactly."""
+        return self._own_axes(self._point.linear.tag_diagonal)
+
+    def _own_axes(self, blocks: Array) -> Array:
         d = self._problem.tag_dof
-        return self._tags[:, :d, :d]
+        symmetric: Array = 0.5 * (blocks + np.swapaxes(blocks, -1, -2))
+        return symmetric[:, :d, :d]
 
     def joint(self, which: Index) -> Array:
         """(n d, n d) of the tags with numbers `which`, with their correlations."""
@@ -201,6 +232,17 @@ class Marginals:
     def _solved(self, x: Array) -> Array:
         """The tags' part of the reduced system, the frame held, solved for x (3 M, k)."""
         return np.stack([self._solve(np.ascontiguousarray(c)) for c in x.T], axis=1)
+
+
+def _variance(cov: Array) -> Array:
+    """(M,) of covariances (M, d, d)."""
+    variance: Array = np.nan_to_num(np.trace(cov, axis1=1, axis2=2), nan=MOST_VARIANCE)
+    return variance
+
+
+def _middle(cov: Array) -> float:
+    """By how much most of the tags are off, of covariances (M, d, d): little is better."""
+    return float(np.log(np.maximum(_variance(cov), FINE_M**2)).mean())
 
 
 def _only(linear: Linear, poses: slice) -> Linear:

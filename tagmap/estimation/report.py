@@ -4,8 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tagmap.conventions import Array, Kind
+from tagmap.estimation.known import HELD_M, LEAST_PARALLAX_RAD
 from tagmap.estimation.merge import least_shared
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled
+from tagmap.estimation.settled import INLIER_WEIGHT, Open, Settled
 from tagmap.estimation.solution import RejectedStep
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import LEAST_SURVEYED, survey_map
@@ -15,25 +17,31 @@ MOST_NAMED = 5
 ENOUGH = 2
 
 
-def report(settled: Settled) -> Iterator[str]:
-    """One line per finding."""
+def report(settled: Settled, T_map_solved: Array) -> Iterator[str]:
+    """One line per finding; T_map_solved: from the axes of `settled` to those of the map."""
+    R_map_solved = T_map_solved[:-1, :-1]
     if settled.singular:
         yield (
             "nothing is published: the stated covariances differ so much in size that those of "
             "the map cannot be computed"
         )
-    yield from _gauge(settled)
+    yield from _gauge(settled, R_map_solved)
     yield from _sessions(settled)
-    yield from _tags(settled)
+    yield from _tags(settled, R_map_solved)
     yield from _steps(settled)
     yield from _surveys(settled.unanchored or settled)
 
 
-def _gauge(settled: Settled) -> Iterator[str]:
+def _gauge(settled: Settled, R_map_solved: Array) -> Iterator[str]:
     surveyed = len(np.unique(settled.stacked.problem.surveyed.tag))
     if settled.start.anchored or not surveyed:
         return
-    if settled.unanchored is not None:
+    if settled.loose is not None:
+        yield (
+            f"map is floating: with the {surveyed} surveyed tags most tags may be off by "
+            f"{_way(settled.loose, R_map_solved)}; survey more tags, farther apart, or closer"
+        )
+    elif settled.unanchored is not None:
         yield f"map is floating: the {surveyed} surveyed tags contradict the robots or each other"
     elif surveyed < LEAST_SURVEYED:
         yield f"map is floating: {surveyed} surveyed tags, {LEAST_SURVEYED} needed"
@@ -74,7 +82,7 @@ def _tags_by_session(stacked: Stacked) -> list[set[int]]:
     return seen
 
 
-def _tags(settled: Settled) -> Iterator[str]:
+def _tags(settled: Settled, R_map_solved: Array) -> Iterator[str]:
     stacked, start = settled.stacked, settled.start
     seen = np.zeros(len(stacked.tags), dtype=np.int64)
     from_map = np.zeros(len(stacked.tags), dtype=np.int64)
@@ -83,7 +91,43 @@ def _tags(settled: Settled) -> Iterator[str]:
         placed = start.placed[block.pose]
         from_map += np.bincount(block.tag[placed], minlength=len(seen))
     for tag in np.flatnonzero(~start.mapped):
-        yield f"tag {stacked.tags[tag]}: withheld: {_why(seen[tag], from_map[tag])}"
+        way = settled.opened.get(int(tag))
+        if way is None:
+            why = _why(seen[tag], from_map[tag])
+        else:
+            why = _open(stacked.problem.kind, int(seen[tag]), way, R_map_solved)
+        yield f"tag {stacked.tags[tag]}: withheld: {why}"
+
+
+def _open(kind: Kind, seen: int, way: Open, R_map_solved: Array) -> str:
+    """What a tag lacks that is known too badly."""
+    if not np.isfinite(way.sigma_m):
+        return f"what its {seen} sightings say of it is lost in rounding; it needs other sightings"
+    off = f"its {seen} sightings leave it open by {_way(way, R_map_solved)}"
+    if way.parallax_rad is not None:
+        return (
+            f"{off}, {way.seen_m:.1f} m from where it is seen: they are directions that differ by "
+            f"{way.parallax_rad:.4f} rad, {LEAST_PARALLAX_RAD} needed; it needs sightings from "
+            "farther to the side, or one with range"
+        )
+    if way.seen_m is not None:
+        return (
+            f"{off}, {way.seen_m:.1f} m from where it is seen; it needs sightings from across that "
+            "direction, or one with range"
+        )
+    return (
+        f"{off}: where it is seen from is not known better; it needs sightings from keyframes that "
+        f"see {least_shared(kind)} other tags of the map, not in line"
+    )
+
+
+def _way(way: Open, R_map_solved: Array) -> str:
+    """How far and where to, in axes of the map."""
+    axis = R_map_solved @ way.direction
+    towards = ", ".join(f"{x + 0.0:.2f}" for x in axis.round(2).tolist())
+    beyond = "more than " if way.sigma_m > HELD_M else ""
+    sigma_m = min(way.sigma_m, HELD_M)
+    return f"{beyond}{sigma_m:.{2 if sigma_m < 10.0 else 0}f} m along ({towards})"
 
 
 def _why(seen: int, from_map: int) -> str:

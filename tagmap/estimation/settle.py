@@ -1,64 +1,27 @@
 """Optimise, see what the surviving sightings still determine, withhold the rest, repeat."""
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy import linalg
 
-from tagmap.conventions import Array, Index, Mask
+from tagmap.conventions import Array, Mask
 from tagmap.estimation import robust
 from tagmap.estimation.covariance import Marginals
-from tagmap.estimation.optimise import Optimum, Options, optimise
+from tagmap.estimation.known import HELD_M, Vague, vague
+from tagmap.estimation.optimise import Options, optimise
 from tagmap.estimation.points import Points, points_of
 from tagmap.estimation.problem import Problem, State
 from tagmap.estimation.restrict import restrict, without_calibration, without_surveys
 from tagmap.estimation.revote import Votes, revoted
+from tagmap.estimation.settled import INLIER_WEIGHT, Open, Settled
 from tagmap.estimation.stack import Stacked
 from tagmap.estimation.start import Start, start_from, start_with
 from tagmap.estimation.stretches import relaid
 from tagmap.estimation.twists import with_motion
 
-INLIER_WEIGHT = 0.5
 MOST_VOTES = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Settled:
-    """The optimum over the placed poses and mapped tags, and the numbers they have in `stacked`.
-
-    support (M,): accepted sightings per tag. marginals: None when there is no tag.
-    unanchored: the optimum that put so many surveyed tags in doubt that the rest fix no frame.
-    singular: nothing is published, as the covariances cannot be computed.
-    """
-
-    stacked: Stacked
-    start: Start
-    poses: Index
-    tags: Index
-    problem: Problem
-    optimum: Optimum
-    support: Index
-    marginals: Marginals | None = None
-    unanchored: "Settled | None" = None
-    singular: bool = False
-
-    def sighting_weights(self) -> Array:
-        """(K,) of all sightings of `stacked`, block by block; NaN where pose or tag is withheld."""
-        return self._of_all(self.optimum.weights.sightings)
-
-    def sighting_chi2(self) -> Array:
-        """(K,) squared whitened residuals, likewise."""
-        return self._of_all(self.optimum.residuals.sightings)
-
-    def _of_all(self, parts: Sequence[Array]) -> Array:
-        whole = []
-        for block, part in zip(self.stacked.problem.sightings, parts, strict=True):
-            values = np.full(len(block), np.nan)
-            values[self.start.placed[block.pose] & self.start.mapped[block.tag]] = part
-            whole.append(values)
-        return np.concatenate([*whole, np.zeros(0)])
 
 
 def settle(stacked: Stacked, options: Options) -> Settled:
@@ -86,7 +49,7 @@ def settle(stacked: Stacked, options: Options) -> Settled:
             unanchored = settled
         start = left
     settled = _with_motion_as_found(settled, options)
-    return _with_marginals(replace(settled, unanchored=unanchored), options)
+    return replace(_known_part(settled, points, options), unanchored=unanchored)
 
 
 def _with_motion_as_found(settled: Settled, options: Options) -> Settled:
@@ -103,13 +66,13 @@ def _better(
     settled: Settled, points: Points, votes: Votes, left: Start | None, tried: Mask
 ) -> tuple[Votes, Start | None]:
     """Tags and stretches of poses moved to where they fit; `left` where all of them do."""
-    voted = revoted(votes, left or _reached(settled))
+    voted = revoted(votes, left or settled.reached())
     if voted is not None:
         votes, left = voted
     with np.errstate(invalid="ignore"):
         accepted = settled.sighting_weights()[points.row] >= INLIER_WEIGHT
     problem, chain = settled.stacked.problem, settled.stacked.chain
-    laid = relaid(problem, points, chain, left or _reached(settled), accepted, tried)
+    laid = relaid(problem, points, chain, left or settled.reached(), accepted, tried)
     return votes, laid or left
 
 
@@ -125,14 +88,6 @@ def _optimised(stacked: Stacked, start: Start, calibration: Array, options: Opti
     return Settled(stacked, start, poses, tags, problem, optimum, support)
 
 
-def _reached(settled: Settled) -> Start:
-    """The optimum, with the numbers of `stacked`."""
-    start, state = settled.start, settled.optimum.state
-    T, p = start.T.copy(), start.p.copy()
-    T[settled.poses], p[settled.tags] = state.T, state.p
-    return replace(start, T=T, p=p)
-
-
 def _still_determined(settled: Settled, points: Points) -> Start | None:
     """What the accepted sightings and surveys determine; None if that is all there is."""
     part = start_with(
@@ -143,7 +98,7 @@ def _still_determined(settled: Settled, points: Points) -> Start | None:
     )
     if part.placed.all() and part.mapped.all() and part.anchored == settled.start.anchored:
         return None
-    reached = _reached(settled)
+    reached = settled.reached()
     placed, mapped = np.zeros_like(reached.placed), np.zeros_like(reached.mapped)
     placed[settled.poses], mapped[settled.tags] = part.placed, part.mapped
     return replace(reached, placed=placed, mapped=mapped, anchored=part.anchored)
@@ -166,16 +121,61 @@ def _accepted(settled: Settled, points: Points) -> Points:
     )
 
 
-def _with_marginals(settled: Settled, options: Options) -> Settled:
-    """Without covariances nothing is published: a position is only worth what is known of it."""
-    if not len(settled.tags):
-        return settled
-    try:
-        return replace(settled, marginals=Marginals(settled.problem, settled.optimum))
-    except linalg.LinAlgError:
-        start = settled.start
-        nothing = replace(
-            start, placed=np.zeros_like(start.placed), mapped=np.zeros_like(start.mapped)
-        )
-        mean = settled.stacked.problem.prior_mean
-        return replace(_optimised(settled.stacked, nothing, mean, options), singular=True)
+def _known_part(settled: Settled, points: Points, options: Options) -> Settled:
+    """Without covariances nothing is published: a position is only worth what is known of it.
+
+    What is not known well enough goes, and with it what then is determined no more.
+    """
+    opened: dict[int, Open] = {}
+    loose: Open | None = None
+    while len(settled.tags):
+        marginals, found = judged(settled, np.ones(len(settled.tags)))
+        if found is None:
+            found_all = replace(settled, marginals=marginals, opened=opened, loose=loose)
+            return found_all if marginals is not None else _nothing(found_all, options)
+        opened |= {int(settled.tags[i]): way for i, way in found.tags.items()}
+        loose = found.frame or loose
+        settled = _without(settled, found, points, options)
+    return replace(settled, opened=opened, loose=loose)
+
+
+def judged(settled: Settled, slack: Array) -> tuple[Marginals | None, Vague | None]:
+    """Covariances, None where they cannot be computed, and what they say should not be told.
+
+    Where they cannot something is not known at all, which shows if all is held a little.
+    """
+    for held_m in (np.inf, HELD_M):
+        try:
+            marginals = Marginals(settled.problem, settled.optimum, held_m)
+            found = vague(settled, marginals, slack)
+        except linalg.LinAlgError:
+            continue
+        return (None if found is None and held_m < np.inf else marginals), found
+    return None, None
+
+
+def without(start: Start, settled: Settled, found: Vague) -> Start:
+    """`start` less what is vague."""
+    placed, mapped = start.placed.copy(), start.mapped.copy()
+    placed[settled.poses[found.poses]] = False
+    mapped[settled.tags[list(found.tags)]] = False
+    anchored = start.anchored and found.frame is None
+    return replace(start, placed=placed, mapped=mapped, anchored=anchored)
+
+
+def _without(settled: Settled, found: Vague, points: Points, options: Options) -> Settled:
+    """The optimum of the rest, which is nearly where it was."""
+    again = replace(options, first_mu=robust.SHARPEST)
+    left: Start | None = without(settled.reached(), settled, found)
+    while left is not None:
+        settled = _optimised(settled.stacked, left, settled.optimum.state.calibration, again)
+        left = _still_determined(settled, points)
+    return _with_motion_as_found(settled, options)
+
+
+def _nothing(settled: Settled, options: Options) -> Settled:
+    """Nothing is placed."""
+    start = settled.start
+    nothing = replace(start, placed=np.zeros_like(start.placed), mapped=np.zeros_like(start.mapped))
+    mean = settled.stacked.problem.prior_mean
+    return replace(_optimised(settled.stacked, nothing, mean, options), singular=True)

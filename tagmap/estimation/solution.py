@@ -24,7 +24,8 @@ class SessionEstimate:
     """The placed poses of one session: seqs, t_ns (n,), T (n, D, D).
 
     cov (n, k): packed upper triangles; NaN but for the last pose, whose covariance is needed to go
-    on from it. `connected` is False where nothing ties the session to the gauge: no poses then.
+    on from it, and for that too where it is not known well enough for that. `connected` is False
+    where nothing ties the session to the gauge: no poses then.
     """
 
     robot: str

@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from tagmap.conventions import Array, Kind
+from tagmap.estimation.known import is_told, told
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import State, lie
 from tagmap.estimation.report import report
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled, settle
+from tagmap.estimation.settle import settle
+from tagmap.estimation.settled import INLIER_WEIGHT, Settled
 from tagmap.estimation.solution import (
     CalibrationEstimate,
     SessionEstimate,
@@ -75,7 +77,7 @@ def named(settled: Settled, T_map_solved: Array) -> Solution:
         inliers=inliers,
         rejected=problem.n_sightings - inliers,
         solve_s=0.0,
-        report=tuple(report(settled)),
+        report=tuple(report(settled, T_map_solved)),
         verdicts=verdicts(settled),
         calibration=calibration,
     )
@@ -108,7 +110,7 @@ def _tag_estimates(settled: Settled, state: State, T_map_solved: Array) -> tuple
         surveyed = set(settled.problem.surveyed.tag[held].tolist())
         d = settled.problem.tag_dof
         R = T_map_solved[:d, :d]
-        covs = R @ settled.marginals.tags() @ R.T
+        covs = told(R @ settled.marginals.tags() @ R.T)
         for i, number in enumerate(settled.tags):
             kind: TagState = "surveyed" if i in surveyed else "mapped"
             estimates[names[number]] = TagEstimate(
@@ -125,7 +127,9 @@ def _session_estimates(settled: Settled, state: State) -> tuple[SessionEstimate,
     dof = settled.problem.pose_dof
     cov = np.full((len(poses), dof * (dof + 1) // 2), np.nan)
     if settled.marginals is not None and len(last):
-        cov[last] = pack_upper(settled.marginals.poses(last))
+        known = settled.marginals.poses(last)
+        known[~is_told(known, settled.problem.tag_dof)] = np.nan
+        cov[last] = pack_upper(known)
     return tuple(
         SessionEstimate(
             robot=hello.robot,

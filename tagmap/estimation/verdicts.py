@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tagmap.conventions import Index
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled
+from tagmap.estimation.settled import INLIER_WEIGHT, Settled
 from tagmap.estimation.solution import RejectedSighting, RejectedStep, Verdicts
 from tagmap.estimation.stack import Stacked
 

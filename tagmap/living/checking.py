@@ -10,7 +10,7 @@ from tagmap.estimation.condensed import Condensed
 from tagmap.estimation.points import Points, fit_tags
 from tagmap.estimation.revote import CHANCE, LEAST_AGREEING, chance_of
 from tagmap.estimation.robust import chi2_bound
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled
+from tagmap.estimation.settled import INLIER_WEIGHT, Settled
 from tagmap.estimation.start import Start, survey_map
 from tagmap.estimation.stretches import relaid
 from tagmap.living.kept import Kept
@@ -40,7 +40,7 @@ def left_of(settled: Settled, points: Points, kept: Kept, fresh: Mask, tried: Ma
     points: of all sightings of `settled.stacked`. kept: with the numbers of its tags. fresh (N,):
     poses whose chain was laid just now; tried (N,): see `relaid`.
     """
-    reached, accepted = _reached(settled), accepted_points(settled, points)
+    reached, accepted = settled.reached(), accepted_points(settled, points)
     placed = reached.placed & ~_misfits(settled, points, accepted, fresh)
     determined = firm_tags(kept.condensed, len(kept.tags), reached.p.shape[1])
     determined |= _fitted(settled, points, accepted & placed[points.pose])
@@ -81,13 +81,6 @@ def doubts(settled: Settled, points: Points, new: Mask) -> Iterator[str]:
         waiting = int((~settled.start.placed[first:last]).sum())
         if waiting >= LONG:
             yield f"session {hello.robot}/{hello.session}: {waiting} keyframes found no place"
-
-
-def _reached(settled: Settled) -> Start:
-    start, state = settled.start, settled.optimum.state
-    T, p = start.T.copy(), start.p.copy()
-    T[settled.poses], p[settled.tags] = state.T, state.p
-    return replace(start, T=T, p=p, placed=start.placed.copy(), mapped=start.mapped.copy())
 
 
 def _misfits(settled: Settled, points: Points, accepted: Mask, fresh: Mask) -> Mask:

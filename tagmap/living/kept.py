@@ -89,7 +89,7 @@ def known_only(kept: Kept) -> Kept:
     )
 
 
-def without(kept: Kept, tags: Index) -> Kept:
+def forgetting(kept: Kept, tags: Index) -> Kept:
     """With nothing known of where these are."""
     p, support = kept.p.copy(), kept.support.copy()
     p[tags], support[tags] = np.nan, 0

@@ -1,6 +1,6 @@
 """The map that lives on, as one story: join, lay, optimise until nothing falls out, name, shed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,13 +8,15 @@ import numpy as np
 from tagmap.conventions import Array, Mask
 from tagmap.estimation import robust
 from tagmap.estimation.covariance import Marginals
+from tagmap.estimation.known import Vague
 from tagmap.estimation.levelling import level
 from tagmap.estimation.optimise import Options, optimise
 from tagmap.estimation.packing import tags_in_space
 from tagmap.estimation.points import Points, points_of
 from tagmap.estimation.problem import State
 from tagmap.estimation.restrict import restrict, without_surveys
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled
+from tagmap.estimation.settle import judged, without
+from tagmap.estimation.settled import INLIER_WEIGHT, Open, Settled
 from tagmap.estimation.solution import Solution
 from tagmap.estimation.solve import frame_of, moved, named
 from tagmap.estimation.stack import SessionData, Stacked, SurveyedTag, stack, surveyed_among
@@ -23,7 +25,7 @@ from tagmap.estimation.twists import with_motion
 from tagmap.living.anchoring import anchored, moved_by
 from tagmap.living.checking import doubts, left_of
 from tagmap.living.joining import join
-from tagmap.living.kept import Kept, Name, Poses, known_only, wider, without
+from tagmap.living.kept import Kept, Name, Poses, forgetting, known_only, wider
 from tagmap.living.laying import laid, localised, new_tags
 from tagmap.living.lots import alive_of, lots_of
 from tagmap.living.naming import tags_with, unknowns_with
@@ -33,6 +35,8 @@ from tagmap.living.shedding import Span, going, poses_of, shed
 OPTIONS = Options(tolerance=1e-8, first_mu=robust.BLUNT)
 SPAN = Span()
 ROUNDS = 4
+# A tag of the map may be known worse by so much than one that comes to it.
+SLACK = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +123,6 @@ class Living:
                 raise np.linalg.LinAlgError("with these keyframes nothing is left of the map")
         assert advance is not None, "an update needs keyframes"
         settled = advance.settled
-        settled = replace(settled, marginals=Marginals(settled.problem, settled.optimum))
         solution = self._named(settled)
         self._shed(settled, gone)
         return Update(
@@ -182,21 +185,67 @@ class Living:
         return T
 
     def _settle(self, stacked: Stacked, points: Points, start: Start, fresh: Mask) -> Settled:
-        """Every round leaves something out or lays something elsewhere, or is the last."""
+        """What holds together, less what is not known well enough, until that is all there is."""
         tried = np.zeros(stacked.problem.n_poses, dtype=bool)
+        opened: dict[int, Open] = {}
+        loose: Open | None = None
+        settled = self._held_together(stacked, points, start, fresh, tried, opened)
+        unanchored = settled.unanchored
+        while True:
+            marginals, found = self._judged(settled)
+            if found is None:
+                break
+            opened |= {int(settled.tags[i]): way for i, way in found.tags.items()}
+            loose = found.frame or loose
+            left = without(settled.reached(), settled, found)
+            self._forget(settled.start, left)
+            settled = self._held_together(stacked, points, left, fresh, tried, opened)
+            unanchored = unanchored or settled.unanchored
+        return replace(
+            settled, marginals=marginals, unanchored=unanchored, opened=opened, loose=loose
+        )
+
+    def _held_together(
+        self,
+        stacked: Stacked,
+        points: Points,
+        start: Start,
+        fresh: Mask,
+        tried: Mask,
+        opened: Mapping[int, Open],
+    ) -> Settled:
+        """Every round leaves something out or lays something elsewhere, or is the last.
+
+        opened: tags that do not come back in this update.
+        """
         unanchored: Settled | None = None
         for _ in range(ROUNDS):
             settled = self._optimised(stacked, start)
             left = left_of(settled, points, self.kept, fresh, tried)
             if left is None:
                 break
-            lost = np.flatnonzero(start.mapped & (self.kept.support > 0) & ~left.mapped)
-            if len(lost):
-                self.kept = without(self.kept, lost)
+            left.mapped[list(opened)] = False
+            self._forget(start, left)
             if start.anchored and not left.anchored:
                 unanchored = settled
             start = left
         return replace(settled, unanchored=unanchored)
+
+    def _judged(self, settled: Settled) -> tuple[Marginals, Vague | None]:
+        """What is on the map is not lost as soon as it is known a little less well."""
+        if not len(settled.tags):
+            raise np.linalg.LinAlgError("with these keyframes nothing is left of the map")
+        known = np.isfinite(self.kept.p[settled.tags, 0])
+        marginals, found = judged(settled, np.where(known, SLACK, 1.0))
+        if marginals is None:
+            raise np.linalg.LinAlgError("covariances of the map cannot be computed")
+        return marginals, found
+
+    def _forget(self, start: Start, left: Start) -> None:
+        """What is condensed of the tags that are not left."""
+        lost = np.flatnonzero(start.mapped & (self.kept.support > 0) & ~left.mapped)
+        if len(lost):
+            self.kept = forgetting(self.kept, lost)
 
     def _optimised(self, stacked: Stacked, start: Start) -> Settled:
         poses, tags = np.flatnonzero(start.placed), np.flatnonzero(start.mapped)

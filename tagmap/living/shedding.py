@@ -10,7 +10,7 @@ from tagmap.estimation.condense import condense
 from tagmap.estimation.local_maps import LEAST_SIGMA_M
 from tagmap.estimation.merge import LocalMap, determines_frame, least_shared
 from tagmap.estimation.points import points_of
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled
+from tagmap.estimation.settled import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked
 from tagmap.living.kept import Kept, Name, Poses
 from tagmap.records.spans import spans_of, united

@@ -31,9 +31,10 @@ class CalibrationSigmas(Record, frozen=True, kw_only=True):
 
     `range_scale`, `stereo_scale`: of ranges and points, and of the stereo baseline (0.01: to one
     per cent), besides the scale that all robots of the site share. `disparity_px`: a constant error
-    of the disparity. `principal_px`: of both principal points alike, per axis. `camera_m`, `camera_rad`: where the camera sits in base, per axis.
-    `odometry_scale`, `wheel_base`: of the lengths and of the turns that odometry reports.
-    `time_offset_s`: between the time stamps of camera and odometry.
+    of the disparity. `principal_px`: of both principal points alike, per axis. `camera_m`,
+    `camera_rad`: where the camera sits in base, per axis. `odometry_scale`, `wheel_base`: of the
+    lengths and of the turns that odometry reports. `time_offset_s`: between the time stamps of
+    camera and odometry.
     """
 
     range_scale: Positive | None = None

@@ -7,7 +7,8 @@ import numpy as np
 from tagmap.conventions import Index, Kind, Mask
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import lie
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled, settle
+from tagmap.estimation.settle import settle
+from tagmap.estimation.settled import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked, stack
 from tagmap.geometry.alignment import align
 from tests.estimation.worlds import Drive, World, hall, session

@@ -13,7 +13,8 @@ from scipy import stats
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Kind
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import lie
-from tagmap.estimation.settle import Settled, settle
+from tagmap.estimation.settle import settle
+from tagmap.estimation.settled import Settled
 from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import stack
 from tagmap.estimation.stated import Stated

@@ -8,7 +8,8 @@ import pytest
 from tagmap.conventions import Kind
 from tagmap.estimation.optimise import Options
 from tagmap.estimation.problem import lie
-from tagmap.estimation.settle import INLIER_WEIGHT, Settled, settle
+from tagmap.estimation.settle import settle
+from tagmap.estimation.settled import INLIER_WEIGHT, Settled
 from tagmap.estimation.stack import Stacked, stack
 from tagmap.geometry.alignment import align
 from tests.estimation.worlds import Drive, World, hall, session

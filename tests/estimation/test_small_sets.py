@@ -11,7 +11,17 @@ from tagmap.estimation.solution import Solution
 from tagmap.estimation.solve import solve
 from tagmap.estimation.stack import SessionData
 from tagmap.records import Sighting, arrays
-from tests.estimation.worlds import FORMS, MOUNT, Drive, World, circle, hall, measured, session
+from tests.estimation.worlds import (
+    FORMS,
+    MOUNT,
+    Drive,
+    World,
+    circle,
+    expect_told_well,
+    hall,
+    measured,
+    session,
+)
 
 N_POSES = 4
 
@@ -46,18 +56,12 @@ def test_every_small_set_has_an_answer(case: tuple[World, SessionData, list[int]
 
 
 def _judge(solution: Solution) -> None:
+    expect_told_well(solution)
     for tag in solution.tags:
-        assert (tag.p is None) == (tag.state == "withheld")
         if tag.p is None:
             (line,) = (one for one in solution.report if one.startswith(f"tag {tag.tag}:"))
             assert "needs" in line
-            continue
-        assert np.isfinite(tag.p).all()
-        assert tag.cov is not None
-        eigenvalues = np.linalg.eigvalsh(tag.cov)
-        assert eigenvalues[0] > -1e-6 * eigenvalues[-1]
     for one in solution.sessions:
-        assert np.isfinite(one.T).all()
         if len(one.seqs) < N_POSES:
             lines = [r for r in solution.report if r.startswith(f"session {one.robot}/")]
             assert any("withheld" in line and "needs" in line for line in lines)

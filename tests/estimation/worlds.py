@@ -13,6 +13,7 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from tagmap.conventions import POSE_DOF, TAG_DOF, Array, Form, Kind
+from tagmap.estimation.known import MOST_SIGMA_M
 from tagmap.estimation.problem import lie
 from tagmap.estimation.solution import Solution
 from tagmap.estimation.stack import SessionData, SurveyedTag
@@ -31,6 +32,7 @@ from tagmap.records import (
     Transform,
     arrays,
 )
+from tagmap.records.base import check_covariance
 
 SIZE_M = (12.0, 9.0)
 STEP_M = 0.25
@@ -340,6 +342,21 @@ def without_sightings_of(data: SessionData, tags: set[str]) -> SessionData:
         for frame in data.keyframes
     ]
     return replace(data, keyframes=frames)
+
+
+def expect_told_well(solution: Solution) -> None:
+    """Every covariance is one, as the records demand, and says something useful."""
+    for tag in solution.tags:
+        assert (tag.p is None) == (tag.cov is None) == (tag.state == "withheld")
+        if tag.p is not None and tag.cov is not None:
+            assert np.isfinite(tag.p).all()
+            check_covariance("cov", arrays.upper(tag.cov), len(tag.p))
+            assert np.linalg.eigvalsh(tag.cov)[-1] <= (1.001 * MOST_SIGMA_M) ** 2
+    for one in solution.sessions:
+        assert np.isfinite(one.T).all()
+        if len(one.seqs) and np.isfinite(one.cov[-1]).all():
+            dof = POSE_DOF[solution.kind]
+            check_covariance("cov", arrays.vector(one.cov[-1]), dof)
 
 
 def mapped(solution: Solution) -> set[str]:

@@ -16,7 +16,8 @@ from fleet.evaluation.truth import at
 from tagmap.conventions import Array
 from tagmap.errors import TagmapError
 from tagmap.estimation.optimise import Options
-from tagmap.estimation.settle import Settled, settle
+from tagmap.estimation.settle import settle
+from tagmap.estimation.settled import Settled
 from tagmap.estimation.stack import stack
 from tagmap.geometry import se3
 from tagmap.geometry.alignment import align

@@ -88,9 +88,7 @@ def test_end_to_end():
 
 
 def identified(devices, work):
-    shooter = Shooter(
-        Aimer(SCANNER, DRIVE, RULES), Holder(Rules()), np.random.default_rng(0)
-    )
+    shooter = Shooter(Aimer(SCANNER, DRIVE, RULES), Holder(Rules()), np.random.default_rng(0))
     end_s = time.monotonic() + 20.0
     said = []
     while time.monotonic() < end_s:
