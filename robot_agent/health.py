@@ -1,6 +1,7 @@
 """Which devices work: what changes is told once."""
 
 from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import structlog
@@ -13,6 +14,7 @@ class Health:
     robot: str
     troubles: dict[str, str] = field(default_factory=dict)
     _log: Any = field(init=False)
+    _said: SimpleQueue[str] = field(default_factory=SimpleQueue)
 
     def __post_init__(self) -> None:
         self._log = structlog.get_logger().bind(robot=self.robot)
@@ -30,5 +32,13 @@ class Health:
             self._log.warning(f"{device}: failed, going on without", reason=trouble)
 
     def tell(self, what: str) -> None:
-        """What the interlock has to say."""
-        self._log.warning("laser", reason=what)
+        """What the interlock has to say, also in a signal handler: a log may be in the middle of a
+        line then and wait for itself. `write` writes it."""
+        self._said.put(what)
+
+    def write(self) -> None:
+        try:
+            while True:
+                self._log.warning("laser", reason=self._said.get_nowait())
+        except Empty:
+            return

@@ -57,6 +57,7 @@ class Robot:
 
     def cycle(self) -> Report | None:
         """None: there was no exposure, or it is not known where camera or robot were."""
+        self.health.write()
         pair = self.cameras.grab(self.grab_s)
         self.failure = pair if isinstance(pair, CameraFailure) else None
         if isinstance(pair, CameraFailure):

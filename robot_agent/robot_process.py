@@ -53,6 +53,7 @@ def run_robot(setup: RobotSetup, report: Callable[[Summary], None]) -> None:
     _recall(setup.cache, identity.site, atlas, health)
     uplink, diary = Uplink(setup.route, Keys(identity.site), name, senses=True), Diary(name)
     with Outbox.open(setup.outbox, f"{identity.site}/{name}") as outbox, ExitStack() as opened:
+        opened.callback(health.write)
         opened.callback(uplink.close)
         company = Company(uplink.lease, lambda: _news(uplink, setup.cache, health))
         gear = open_gear(config, setup.path, opened)

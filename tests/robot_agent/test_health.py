@@ -36,8 +36,11 @@ def test_devices_are_told_apart(told):
     assert len(told()) == 3
 
 
-def test_what_the_interlock_says(told):
-    Health("r1").tell("laser off: the mount moved")
+def test_what_the_interlock_says_is_written_later_for_a_signal_may_make_it_speak(told):
+    health = Health("r1")
+    health.tell("laser off: the mount moved")
+    assert not told()
+    health.write()
     [event] = told()
     assert (event["event"], event["reason"], event["robot"]) == (
         "laser",
