@@ -214,7 +214,7 @@ def test_an_introduction_too_large_for_the_wire_is_refused() -> None:
         left=camera, right=camera, T_right_left=beside, sigma_px=0.1, by="x" * MAX_BYTES
     )
     identity = Identity(site="site", robot="r1", number=1, session=SESSION)
-    with pytest.raises(DataError, match="introduction of 66214 bytes"):
+    with pytest.raises(DataError, match="introduction of 66228 bytes"):
         Courier(identity, Introduction(kind="spatial", rig=rig)).hello()
 
 
