@@ -67,6 +67,7 @@ def test_a_run_repeats_bit_for_bit(calm, play):
     assert play().contents() == calm.contents()
 
 
+@pytest.mark.slow
 def test_another_seed_is_another_run_of_the_same_facts(calm, play):
     other = play(seed=2)
     assert other.facts() == calm.facts()
@@ -94,6 +95,7 @@ def test_agents_are_killed(play, recording, mapped):
     expect_map(played, mapped, 0.05)
 
 
+@pytest.mark.slow
 def test_bad_weather_and_a_partition(play, recording, mapped):
     run = {"weather": ROUGH, "cuts": [("r2", after_s(1.0), after_s(6.0))]}
     played = play(**run, kills=[Kill(after_s(2.2))])
@@ -107,6 +109,7 @@ def test_the_service_is_cut_off(play, recording):
     played.expect_whole(recording)
 
 
+@pytest.mark.slow
 def test_a_service_that_hears_little_at_a_time(play, recording):
     played = play(of={"service": Weather(per_s=40.0, queue=8)}, solve=False)
     played.expect_whole(recording)

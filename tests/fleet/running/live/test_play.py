@@ -43,6 +43,7 @@ def written(folder: Path) -> bool:
     return any(word.strip("0") for word in words)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
 def test_a_robot_with_a_clock_of_its_own_maps_a_room_whatever_fails(tmp_path: Path):
     """For as long as it takes on this computer, and then ended as by Ctrl-C."""
