@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tagmap.conventions import Array, Mask
-from tagmap.estimation import robust
 from tagmap.estimation.covariance import Marginals
 from tagmap.estimation.known import Vague
 from tagmap.estimation.levelling import level
-from tagmap.estimation.optimise import Options, optimise
 from tagmap.estimation.packing import tags_in_space
 from tagmap.estimation.points import Points, points_of
 from tagmap.estimation.problem import State
@@ -29,10 +27,9 @@ from tagmap.living.kept import Kept, Name, Poses, forgetting, known_only, wider
 from tagmap.living.laying import laid, localised, new_tags
 from tagmap.living.lots import alive_of, lots_of
 from tagmap.living.naming import tags_with, unknowns_with
+from tagmap.living.optimising import optimised
 from tagmap.living.shedding import Span, going, poses_of, shed
 
-# Wrong names are known as such already, and are not let in again to pull at the map.
-OPTIONS = Options(tolerance=1e-8, first_mu=robust.BLUNT)
 SPAN = Span()
 ROUNDS = 4
 # A tag of the map may be known worse by so much than one that comes to it.
@@ -258,7 +255,7 @@ class Living:
                 problem, condensed=level(condensed.take(tags), problem.kind, tags_in_space(p))
             )
         state = State(start.T[poses], p, self.kept.calibration)
-        optimum = optimise(problem, state, OPTIONS)
+        optimum = optimised(problem, state)
         support = self.kept.support[tags]
         for block, w in zip(problem.sightings, optimum.weights.sightings, strict=True):
             support = support + np.bincount(block.tag[w >= INLIER_WEIGHT], minlength=len(tags))

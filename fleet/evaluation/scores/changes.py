@@ -95,7 +95,7 @@ def _false_alarms(evidence: Evidence, moved: set[str]) -> int:
         old, new = _placed(evidence, before.version), _placed(evidence, after.version)
         shared = sorted(set(old) & set(new))
         p, q = (np.array([of[tag][0] for tag in shared]).reshape(-1, 3) for of in (old, new))
-        hangs = np.array([tag not in moved for tag in shared])
+        hangs = np.array([tag not in moved for tag in shared], dtype=bool)
         laid = align(p[hangs], q[hangs])
         if hangs.sum() <= 3 or not laid.determined:
             continue
