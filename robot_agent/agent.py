@@ -23,11 +23,12 @@ from robot_agent.jobs import Jobs
 from robot_agent.keyframes import Moment, Spacing, is_due
 from robot_agent.naming.belief import is_borne_out
 from robot_agent.naming.hunt import Hunt, Wishes
+from robot_agent.naming.judge import Judge
 from robot_agent.naming.named import Named
 from robot_agent.naming.sky import Sky
 from robot_agent.naming.standing import Standing
-from robot_agent.naming.strayed import Strayed
 from robot_agent.naming.tracker import Tracker
+from robot_agent.naming.whereabouts import Whereabouts
 from robot_agent.odometry.odometry import OdomPose
 from robot_agent.odometry.wheels import Wheels
 from robot_agent.odometry.wheels import step as odometry_step
@@ -37,16 +38,18 @@ from robot_agent.pan_tilt.unit import Angles
 from robot_agent.perception.matching import View
 from robot_agent.perception.spots import Optics, Spots, detect
 from tagmap.conventions import Array
-from tagmap.geometry import se3
 from tagmap.geometry.stereo import StereoRig
 from tagmap.localisation.constellation.expectation import Frame as Field
 from tagmap.localisation.constellation.gate import gate
 from tagmap.localisation.constellation.identify import Identity, identify
-from tagmap.records import JobResult, Observation, Odometry, Pose, Transform, WriteJob
+from tagmap.records import JobResult, Observation, Odometry, Pose, Sighting, Transform, WriteJob
 from tagmap.records.arrays import transform, upper
 from tagmap.records.keyframe import MAX_SIGHTINGS, IdentifiedBy
 
 NEAREST_M, FURTHEST_M = 0.3, 30.0
+FOLLOWED = 4
+CONTRADICTED_NS = 300_000_000_000
+"""Light alone does not name a tag for so long that answered at two places."""
 MOST_WAIT_NS = 500_000_000
 """For leave to ask for a lease: the robot has more to do than to wait for that."""
 STANDS = Odometry(
@@ -93,12 +96,13 @@ class Report:
 @dataclass(frozen=True, slots=True)
 class Habits:
     """optics: what spots look like. confirm_s: a name that rests on position alone is lit again
-    after so long; 0: never. stationary: there is no odometer, for the robot never moves."""
+    after so long, one that was followed since it was lit after FOLLOWED times that; 0: never.
+    stationary: there is no odometer, for the robot never moves."""
 
     optics: Optics = field(default_factory=Optics)
     spacing: Spacing = field(default_factory=Spacing)
     wheels: Wheels = field(default_factory=Wheels)
-    confirm_s: float = 120.0
+    confirm_s: float = 30.0
     write_range_m: float = 30.0
     stationary: bool = False
 
@@ -121,7 +125,10 @@ class Agent:
         self._field = Field.of(rig, NEAREST_M, FURTHEST_M)
         self._tracker, self._standing = Tracker(), Standing()
         self._onboard = OnBoard(rig, session, atlas.chart())
-        self._strayed = Strayed()
+        self._whereabouts = Whereabouts()
+        self._contradicted_ns: dict[str, int] = {}
+        self._held: list[Sighting] = []
+        self._is_borne_out = False
         self._jobs = Jobs(work.robot)
         self._lit_ns: dict[str, int] = {}
         self._began_ns: int | None = None
@@ -147,9 +154,11 @@ class Agent:
         chart = self._hear(news.served)
         self._move(frame, now_ns)
         self._has_more = False
+        self._held = []
         sky = self._see(frame)
         self._follow(sky)
         self._gate(sky)
+        self._audit(sky)
         self._recognise(sky)
         outcomes: list[Outcome] = []
         shooter = self._shooter
@@ -216,12 +225,27 @@ class Agent:
     def _gate(self, sky: Sky) -> None:
         """Names by the pose. A trace that the map contradicts is a name no more."""
         at = self._onboard.of_camera(sky.T_base_cam)
+        self._is_borne_out = False
         if at is None or not len(sky):
             return
         catalogue = self._onboard.chart.catalogue
         found = gate(catalogue, sky.p_cam, sky.wide, *at, self._field)
-        if is_borne_out(sky, catalogue.chart.p, at[0], found.tag):
+        self._is_borne_out = is_borne_out(sky, catalogue.chart.p, at[0], found.tag)
+        if self._is_borne_out:
             self._take(sky, found, "gate")
+
+    def _judge(self, sky: Sky) -> Judge:
+        table, live = self._onboard.chart.table, self._onboard.live()
+        return Judge(sky, live, table, self._whereabouts, self._is_borne_out)
+
+    def _audit(self, sky: Sky) -> None:
+        """Names by light that were given before the robot knew where it was."""
+        judge = self._judge(sky)
+        if self._is_borne_out:
+            judge.look_for_the_gone()
+        for tag in judge.odd():
+            self._tracker.drop(tag)
+            sky.unname(tag)
 
     def _recognise(self, sky: Sky) -> None:
         """Names by the constellation, where the robot does not know where it is."""
@@ -233,7 +257,7 @@ class Agent:
     def _take(self, sky: Sky, found: Identity, id_by: IdentifiedBy) -> None:
         chart = self._onboard.chart
         for k, row in enumerate(found.tag.tolist()):
-            if row < 0 or self._strayed.is_still(chart.catalogue.ids[row], chart.table):
+            if row < 0 or self._whereabouts.is_doubtful(chart.catalogue.ids[row], chart.table):
                 continue
             tag, p_false = chart.catalogue.ids[row], float(found.p_false[k])
             known = sky.names.get(sky.targets[k].pair)
@@ -250,7 +274,7 @@ class Agent:
         return is_soon and not self._backoff.wait_s(1e-9 * now_ns)
 
     def _shoot(self, shooter: Shooter, sky: Sky, now_ns: int) -> Act[list[Outcome]]:
-        hunt = Hunt(sky, shooter.aimer, self._belief(sky), self._wishes(now_ns), self._standing)
+        hunt = self._hunt(shooter, sky, now_ns)
         work = replace(self._work, jobs=self._jobs.open)
         outcomes = yield from turn(shooter, hunt, work, now_ns)
         self._has_more = hunt(outcomes) is not None
@@ -259,27 +283,46 @@ class Agent:
             self._backoff.failed(1e-9 * outcomes[-1].ended_ns)
         elif outcomes:
             self._backoff.succeeded()
+        named = {one.tag for one in sky.names.values() if one.id_by == "laser"}
         for outcome in outcomes:
             tag, result = outcome.verdict.tag, outcome.verdict.result
-            if tag is not None and tag not in hunt.contradicted:
+            if tag in named:
                 self._lit_ns[tag] = outcome.ended_ns
             if result is not None:
                 self._jobs.answer(result)
+        held = [outcome.sighting() for outcome in hunt.held.values()]
+        self._held = [sighting for sighting in held if sighting is not None]
+        known_ns = self._contradicted_ns
+        self._contradicted_ns = {tag: known_ns.get(tag, now_ns) for tag in hunt.contradicted}
         return outcomes
+
+    def _hunt(self, shooter: Shooter, sky: Sky, now_ns: int) -> Hunt:
+        known = self._contradicted_ns.items()
+        return Hunt(
+            sky,
+            shooter.aimer,
+            self._belief(sky),
+            self._wishes(sky, now_ns),
+            self._standing,
+            self._judge(sky),
+            {tag for tag, since_ns in known if now_ns - since_ns <= CONTRADICTED_NS},
+        )
 
     def _belief(self, sky: Sky) -> PoseBelief:
         at = self._onboard.of_camera(sky.T_base_cam)
         return PoseBelief.nothing() if at is None else PoseBelief(at[1])
 
-    def _wishes(self, now_ns: int) -> Wishes:
-        """A name is doubtful that this robot has not lit for long, or not since it began."""
+    def _wishes(self, sky: Sky, now_ns: int) -> Wishes:
+        """A name is doubtful that this robot has not lit for long, or not since it began; later
+        where the tag was followed since."""
         began_ns = self._began_ns = now_ns if self._began_ns is None else self._began_ns
-        confirm_s = self._habits.confirm_s
-        limit_ns = now_ns - round(1e9 * confirm_s)
+        followed = {named.tag for named in sky.names.values() if named.is_lit}
+        confirm_ns = round(1e9 * self._habits.confirm_s)
         last_ns = {
             tag: lit_ns
             for tag in self._onboard.chart.table.index
-            if confirm_s and (lit_ns := self._lit_ns.get(tag, began_ns)) <= limit_ns
+            if (after_ns := confirm_ns * (FOLLOWED if tag in followed else 1))
+            and (lit_ns := self._lit_ns.get(tag, began_ns)) <= now_ns - after_ns
         }
         doubtful = sorted(last_ns, key=lambda tag: last_ns[tag])
         return Wishes(self._jobs.open.keys(), doubtful, self._habits.write_range_m)
@@ -291,24 +334,12 @@ class Agent:
         for k, named in sky.named():
             if named.is_place:
                 self._tracker.keep(named, p_base[k], cov[k])
-                if named.id_by == "laser":
-                    self._compare(named.tag, p_base[k], cov[k])
         read = [
             self._atlas.read(o.verdict.tag, o.verdict.memory)
             for o in outcomes
             if o.verdict.tag is not None and o.verdict.memory is not None
         ]
         return self._turn_to_new_chart() if any(read) else None
-
-    def _compare(self, tag: str, p_base: Array, cov: Array) -> None:
-        """Where it was lit, with where the map has it."""
-        now = self._onboard.live()
-        if now.T_map_base is None or now.cov is None:
-            return
-        R, lever = now.T_map_base[:3, :3], se3.act_jacobian(now.T_map_base, p_base)
-        S = R @ cov @ R.T + lever @ now.cov @ lever.T
-        p_map = se3.act(now.T_map_base, p_base)
-        self._strayed.learn(tag, p_map, S, self._onboard.chart.table)
 
     def _keyframe(self, sky: Sky, frame: Frame) -> Observation | None:
         sightings = sky.sightings()[:MAX_SIGHTINGS]
@@ -318,7 +349,8 @@ class Agent:
         if not is_due(self._habits.spacing, last, now):
             return None
         self._last = now
-        self._onboard.see(frame.camera.T_base_cam, sightings)
+        # What is not said of tags that hang elsewhere may be a pose that is wrong.
+        self._onboard.see(frame.camera.T_base_cam, (*sightings, *self._held))
         return Observation(
             t_ns=frame.pair.t_ns,
             odom=self._step_from(last, frame),

@@ -62,12 +62,13 @@ class ShotsTable(_Table, frozen=True):
 class AgentTable(_Table, frozen=True):
     """
     grab_s      how long to wait for an exposure
-    confirm_s   a name that rests on position alone is lit again after so long; 0: never
+    confirm_s   a name that rests on position alone is lit again after so long, one that was
+                followed since it was lit after four times that; 0: never
     stationary  the robot never moves, so it needs no odometer
     """
 
     grab_s: Annotated[float, Meta(ge=0.05, le=10.0)] = 1.0
-    confirm_s: NotNegative = 120.0
+    confirm_s: NotNegative = 30.0
     stationary: bool = False
     keyframes: Spacing = Spacing()
     spots: SpotsTable = SpotsTable()

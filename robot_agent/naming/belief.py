@@ -8,13 +8,14 @@ pose is right, tags that hang near and in view are seen, but for what hides them
 import numpy as np
 
 from robot_agent.naming.sky import Sky
-from tagmap.conventions import Array, Index
+from tagmap.conventions import Array, Index, Mask
 from tagmap.geometry import se3, stereo
 
 LEAST = 2
 NEAR_M = 5.0
 MARGIN_PX = 20.0
 SHARE = 0.5
+DARK_PX = 15.0
 
 
 def is_borne_out(sky: Sky, p_map: Array, T_map_cam: Array, named: Index) -> bool:
@@ -25,6 +26,23 @@ def is_borne_out(sky: Sky, p_map: Array, T_map_cam: Array, named: Index) -> bool
 
 def expected(sky: Sky, p_map: Array, T_map_cam: Array) -> int:
     """How many tags hang near, and well inside both images."""
+    _, shown = _shown(sky, p_map, T_map_cam)
+    return int(shown.sum())
+
+
+def are_dark(sky: Sky, p_map: Array, T_map_cam: Array) -> Mask:
+    """(K,) of places p_map (K, 3): near, well inside both images, and nothing shines there."""
+    px, shown = _shown(sky, p_map, T_map_cam)
+    spots = sky.left.px
+    if not len(spots):
+        return shown
+    away_px = np.linalg.norm(px[:, None, :2] - spots, axis=-1).min(axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(shown & (away_px > DARK_PX))
+
+
+def _shown(sky: Sky, p_map: Array, T_map_cam: Array) -> tuple[Array, Mask]:
+    """Pixels (K, 4) of places, and which of them (K,) a tag would surely be seen at."""
     p_cam = se3.act(se3.inverse(T_map_cam), p_map)
     px, _ = stereo.project(sky.rig, p_cam)
     left, right = sky.rig.left, sky.rig.right
@@ -32,4 +50,4 @@ def expected(sky: Sky, p_map: Array, T_map_cam: Array) -> int:
     with np.errstate(invalid="ignore"):
         inside = ((px >= MARGIN_PX) & (px <= size - 1.0 - MARGIN_PX)).all(axis=-1)
     near = np.linalg.norm(p_cam, axis=-1) <= NEAR_M
-    return int((inside & near).sum())
+    return px, np.asarray(inside & near)

@@ -5,8 +5,9 @@ then tags whose name rests on position alone: who hangs where may have been exch
 light would show it.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,12 +18,21 @@ from robot_agent.activation.verdict import Outcome, distance_m
 from robot_agent.naming.named import Named
 from robot_agent.naming.sky import Pair, Sky
 from robot_agent.naming.standing import Standing, spots_px
+from robot_agent.naming.whereabouts import Stance
 from tagmap.conventions import Array
 from tagmap.geometry import se3
 
 WRITE_RANGE_M = 30.0
 MOST_WEIGHED = 24
 """Spots without a name: to weigh one takes milliseconds, and the sun makes hundreds."""
+
+
+Ask: TypeAlias = Callable[[str, Target, bool], Stance]
+"""What it says of a tag that it answers at a target; whether the depth of the target is certain."""
+
+
+def nobody_knows(_tag: str, _target: Target, _depth: bool) -> Stance:
+    return "unknown"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +49,9 @@ class Wishes:
 class Hunt:
     """A `Choose` for one turn in one exposure; names go into `sky`.
 
-    `contradicted`: tags that were lit at more than one spot, as beside a mirror: none is theirs.
+    contradicted  tags that were lit at more than one spot, as beside a mirror, now or a while ago:
+                  light alone names them no more
+    held          tags that were lit where they may not hang, and so are named nowhere yet
     """
 
     sky: Sky
@@ -47,15 +59,18 @@ class Hunt:
     belief: PoseBelief
     wishes: Wishes
     standing: Standing
+    judge: Ask = nobody_knows
     contradicted: set[str] = field(default_factory=set)
+    held: dict[str, Outcome] = field(default_factory=dict)
     _taken: int = 0
     _done: set[str] = field(default_factory=set)
     _passed: set[Pair] = field(default_factory=set)
+    _suspects: set[Pair] = field(default_factory=set)
     _weighed: dict[Pair, tuple[Target, Worth | None]] = field(default_factory=dict)
 
     def __call__(self, outcomes: Sequence[Outcome]) -> Target | None:
         self.learn(outcomes)
-        return self._to_write() or self._unknown() or self._doubtful()
+        return self._to_write() or self._suspect() or self._unknown() or self._doubtful()
 
     def learn(self, outcomes: Sequence[Outcome]) -> None:
         """What these outcomes of the turn show; those heard of before are passed over."""
@@ -77,17 +92,31 @@ class Hunt:
                 self.standing.tried(self._p_base(target), final)
 
     def _identified(self, outcome: Outcome, tag: str) -> None:
+        target, depth = outcome.target, outcome.verdict.depth
+        self._done.add(tag)
+        stance = self.judge(tag, target, depth)
+        elsewhere = [other for other in self._lit_at(tag) if other != target.pair]
+        if stance in ("home", "moved"):
+            self.contradicted.discard(tag)
+        if stance == "home":
+            self._unlight(elsewhere)
+            self._name(outcome, tag)
+        elif stance in ("unsure", "image"):
+            self._hold(outcome, tag, stance, elsewhere)
+        elif elsewhere or tag in self.contradicted:
+            self._contradict(tag, target, elsewhere)
+        else:
+            self._name(outcome, tag)
+        self._release()
+
+    def _name(self, outcome: Outcome, tag: str) -> None:
         sighting = outcome.sighting()
         assert sighting is not None
         pair, verdict = outcome.target.pair, outcome.verdict
-        self._done.add(tag)
-        elsewhere = [other for other in self._lit_at(tag) if other != pair]
-        if elsewhere or tag in self.contradicted:
-            self._contradict(tag, outcome.target, elsewhere)
-            return
         before = self.sky.names.get(pair)
         was_placed = before is not None and before.tag == tag and before.is_place
         is_place = verdict.depth or was_placed
+        self.held.pop(tag, None)
         self.sky.unname(tag)
         self.sky.names[pair] = Named(
             tag, "laser", verdict.p_false, outcome.lease, sighting.memory, is_place, is_lit=True
@@ -97,6 +126,35 @@ class Hunt:
             # Its name cannot be carried on; to light it again from here would tell the same.
             self.standing.tried(self._p_base(outcome.target), final=True)
 
+    def _hold(self, outcome: Outcome, tag: str, stance: Stance, elsewhere: list[Pair]) -> None:
+        """The name that its spot has by place is not its own. Another spot keeps this tag's name
+        where light and map agree that it hangs there; else that one is to be lit."""
+        pair = outcome.target.pair
+        self.sky.names.pop(pair, None)
+        self._passed.add(pair)
+        self.standing.tried(self._p_base(outcome.target), final=stance == "image")
+        there = {other.pair: other for other in self.sky.targets}
+        if stance == "image":
+            return
+        if any(self.judge(tag, there[one], True) == "home" for one in elsewhere if one in there):
+            return
+        self.held[tag] = outcome
+        self._unlight(elsewhere)
+        self._done.discard(tag)
+        self._suspects |= {one for one, named in self.sky.names.items() if named.tag == tag}
+        self.sky.unname(tag)
+
+    def _release(self) -> None:
+        """What was lit since may have shown that a tag has really moved."""
+        for tag, outcome in tuple(self.held.items()):
+            if self.judge(tag, outcome.target, outcome.verdict.depth) == "moved":
+                self._name(outcome, tag)
+
+    def _unlight(self, pairs: list[Pair]) -> None:
+        for pair in pairs:
+            self.sky.names.pop(pair, None)
+            self.sky.lit.pop(pair, None)
+
     def _lit_at(self, tag: str) -> list[Pair]:
         """Where else in view it has its name by light, of now or carried since."""
         named = [pair for pair, one in self.sky.names.items() if one.tag == tag and one.is_lit]
@@ -105,9 +163,9 @@ class Hunt:
     def _contradict(self, tag: str, target: Target, elsewhere: list[Pair]) -> None:
         self.contradicted.add(tag)
         self.sky.unname(tag)
+        self._unlight([target.pair, *elsewhere])
         there = {other.pair: other for other in self.sky.targets}
         for pair in {target.pair, *elsewhere}:
-            self.sky.lit.pop(pair, None)
             self._passed.add(pair)
             if pair in there:
                 self.standing.tried(self._p_base(there[pair]), final=True)
@@ -116,6 +174,13 @@ class Hunt:
         """The nearest."""
         found = [target for _, target in self._of_names(self.wishes.jobs)]
         near = [target for target in found if distance_m(target) <= self.wishes.range_m]
+        return min(near, key=distance_m, default=None)
+
+    def _suspect(self) -> Target | None:
+        """A spot with the name of a tag that has just been lit elsewhere."""
+        found = [t for t in self.sky.targets if t.pair in self._suspects - self._passed]
+        self._suspects.clear()
+        near = [target for target in found if not self._is_vain(target)]
         return min(near, key=distance_m, default=None)
 
     def _doubtful(self) -> Target | None:

@@ -24,9 +24,9 @@ def sky(p_cam=PLACES):
     return Sky(WIDE_RIG, *views, np.eye(4))
 
 
-def hunt(over, wishes=None, standing=None):
+def hunt(over, wishes=None, standing=None, **more):
     belief = PoseBelief.nothing()
-    return Hunt(over, AIMER, belief, wishes or Wishes(), standing or Standing())
+    return Hunt(over, AIMER, belief, wishes or Wishes(), standing or Standing(), **more)
 
 
 def outcome(target, kind, tag=None, depth=True, lease=7):

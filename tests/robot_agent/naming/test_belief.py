@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fleet.simulation.views import WIDE_RIG
-from robot_agent.naming.belief import expected, is_borne_out
+from robot_agent.naming.belief import are_dark, expected, is_borne_out
 from robot_agent.naming.sky import Sky
 from robot_agent.perception.matching import View
 from tagmap.geometry import se3, stereo
@@ -50,3 +50,12 @@ def test_one_alone_is_chance_even_where_no_more_is_expected():
 def test_what_was_never_mapped_is_not_missed():
     named = np.array([0, 1, -1, -1])
     assert is_borne_out(sky(), p_map()[:2], T_MAP_CAM, named)
+
+
+def test_a_place_is_dark_that_would_be_seen_to_shine():
+    there = np.concatenate([P_CAM, FAR])
+    places = se3.act(T_MAP_CAM, there)
+    assert not are_dark(sky(), places, T_MAP_CAM).any()
+    assert are_dark(sky(P_CAM[1:]), places, T_MAP_CAM).tolist() == [True] + 5 * [False]
+    beside = se3.act(T_MAP_CAM, P_CAM + np.array([0.3, 0.0, 0.0]))
+    assert are_dark(sky(), beside, T_MAP_CAM).all()

@@ -156,3 +156,80 @@ def test_of_very_many_spots_some_are_weighed_and_each_once(monkeypatch):
     assert chosen(outcomes) is not None
     assert len(weighed) <= MOST_WEIGHED + 1
     assert len(set(weighed)) == len(weighed)
+
+
+def stances(over, **of_row):
+    """A judge that says of `tag_row` what is given, once or from call to call."""
+    said = {
+        key: [value] if isinstance(value, str) else list(value) for key, value in of_row.items()
+    }
+
+    def judge(tag, target, _depth):
+        row = next(k for k, one in enumerate(over.targets) if one.pair == target.pair)
+        left = said[f"{tag}_{row}"]
+        return left.pop(0) if len(left) > 1 else left[0]
+
+    return judge
+
+
+def test_an_image_costs_no_name_and_the_tag_keeps_its_own_by_light():
+    over = sky()
+    over.name(1, Named("a", "gate", 1e-4))
+    judge = stances(over, a_0="unsure", a_1="home")
+    chosen = hunt(over, judge=judge)
+    first = outcome(over.targets[0], "identified", "a")
+    then = chosen([first])
+    assert names(over) == {}, "neither may be it"
+    assert then.pair == over.targets[1].pair, "the place that tells"
+    chosen([first, outcome(then, "identified", "a")])
+    assert names(over) == {over.targets[1].pair: "a"}
+    assert [s.tag for s in over.sightings()] == ["a"]
+    assert chosen.held == {}
+
+
+def test_two_that_were_exchanged_are_both_named_in_one_turn():
+    over = sky()
+    over.name(0, Named("b", "gate", 1e-4))
+    over.name(1, Named("a", "gate", 1e-4))
+    judge = stances(over, a_0=["unsure", "moved"], b_1="moved")
+    chosen = hunt(over, judge=judge)
+    first = outcome(over.targets[0], "identified", "a")
+    then = chosen([first])
+    chosen([first, outcome(then, "identified", "b")])
+    assert names(over) == {over.targets[0].pair: "a", over.targets[1].pair: "b"}
+    assert sorted(s.tag for s in over.sightings()) == ["a", "b"]
+
+
+def test_a_name_by_light_where_the_map_has_it_outlives_its_image():
+    over = sky()
+    over.name(1, Named("a", "track", 1e-4, is_lit=True))
+    judge = stances(over, a_0="unsure", a_1="home")
+    chosen = hunt(over, judge=judge)
+    chosen([outcome(over.targets[0], "identified", "a")])
+    assert names(over) == {over.targets[1].pair: "a"}
+    assert chosen.contradicted == set()
+    assert chosen.held == {}
+
+
+def test_what_was_held_may_yet_be_a_pose_that_is_wrong():
+    over = sky()
+    judge = stances(over, a_0="unsure")
+    chosen = hunt(over, judge=judge)
+    play(
+        chosen,
+        lambda t: ("identified", "a") if t.pair == over.targets[0].pair else ("refused", None),
+    )
+    assert names(over) == {}
+    assert [o.sighting().tag for o in chosen.held.values()] == ["a"]
+
+
+def test_light_alone_does_not_name_what_answered_at_two_places_a_while_ago():
+    over = sky()
+    judge = stances(over, a_0="unknown", a_1="home")
+    chosen = hunt(over, judge=judge, contradicted={"a"})
+    first = outcome(over.targets[0], "identified", "a")
+    chosen([first])
+    assert names(over) == {}
+    chosen([first, outcome(over.targets[1], "identified", "a")])
+    assert names(over) == {over.targets[1].pair: "a"}
+    assert chosen.contradicted == set()

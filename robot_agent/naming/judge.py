@@ -1,0 +1,86 @@
+"""What it says of a tag that it answers where it does: one exposure, one pose, one map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_agent.activation.target import Target
+from robot_agent.naming.belief import are_dark
+from robot_agent.naming.sky import Sky
+from robot_agent.naming.whereabouts import Stance, Whereabouts
+from tagmap.conventions import Array
+from tagmap.geometry import se3
+from tagmap.localisation.scene import TagTable
+from tagmap.localisation.track import Live
+
+SHARP_M, SHARP_RAD = 0.05, 0.01
+"""Of a pose that tells where in an image to look for a tag."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """`is_borne_out`: whether what is seen bears the pose out."""
+
+    sky: Sky
+    live: Live
+    table: TagTable
+    whereabouts: Whereabouts
+    is_borne_out: bool
+
+    def __call__(self, tag: str, target: Target, depth: bool) -> Stance:
+        """It has answered at the target, whose depth may be in doubt."""
+        at = self._on_map(tag, target, depth)
+        if at is None:
+            return "unknown"
+        stance = self.whereabouts.lit(tag, *at, self.table)
+        if stance == "unsure" and self.is_borne_out:
+            self.look_for_the_gone()
+            stance = self.whereabouts.lit(tag, *at, self.table)
+        return stance
+
+    def odd(self) -> list[str]:
+        """Names by light from before that the map contradicts, and nobody has moved the tags."""
+        if not self.is_borne_out:
+            return []
+        followed = [
+            (named.tag, self.sky.targets[k]) for k, named in self.sky.named() if named.is_lit
+        ]
+        return [tag for tag, target in followed if self._is_odd(tag, target)]
+
+    def look_for_the_gone(self) -> None:
+        """Whether anything shines where tags ought to hang that were lit elsewhere."""
+        sought = list(self.whereabouts.sought(self.table))
+        live = self.live
+        if not sought or live.T_map_base is None or live.cov is None or not _is_sharp(live.cov):
+            return
+        places = np.array([place for _, place in sought])
+        dark = are_dark(self.sky, places, live.T_map_base @ self.sky.T_base_cam)
+        for (tag, _), is_dark in zip(sought, dark.tolist(), strict=True):
+            if is_dark:
+                self.whereabouts.is_dark(tag, live.T_map_base[:3, 3])
+
+    def _is_odd(self, tag: str, target: Target) -> bool:
+        at = self._on_map(tag, target, depth=True)
+        return at is not None and self.whereabouts.is_odd(tag, *at, self.table)
+
+    def _on_map(self, tag: str, target: Target, depth: bool) -> tuple[Array, Array] | None:
+        """p_map (3,) of a target and its cov (3, 3), that of the pose included; None where the
+        robot does not know. Without its depth: as far away as the tag ought to be."""
+        T, cov_pose = self.live.T_map_base, self.live.cov
+        if T is None or cov_pose is None:
+            return None
+        k = next(k for k, one in enumerate(self.sky.targets) if one.pair == target.pair)
+        p_base, cov = (of[k] for of in self.sky.places())
+        row = self.table.index.get(tag)
+        if not depth and row is not None:
+            origin = self.sky.T_base_cam[:3, 3]
+            ray, place = p_base - origin, se3.act(se3.inverse(T), self.table.p_map[row])
+            p_base = origin + ray * (np.linalg.norm(place - origin) / np.linalg.norm(ray))
+        R, lever = T[:3, :3], se3.act_jacobian(T, p_base)
+        return se3.act(T, p_base), R @ cov @ R.T + lever @ cov_pose @ lever.T
+
+
+def _is_sharp(cov: Array) -> bool:
+    """(6, 6) of a pose."""
+    v, w = np.trace(cov[:3, :3]), np.trace(cov[3:, 3:])
+    return bool(v <= SHARP_M**2 and w <= SHARP_RAD**2)
