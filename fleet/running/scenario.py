@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fleet.running.tape import Tape
+from fleet.virtual.dark_room import dark_room
 from fleet.virtual.run import SITE, Played, play
 
 if TYPE_CHECKING:
@@ -28,8 +29,8 @@ def play_scenario(
     from fleet.evaluation.scores.evidence import Evidence
 
     began_s = time.monotonic()
-    with Tape(folder / TAPE) as tape, _logged(folder / LOG):
-        played = play(world, folder, tape.hear, tell, stopped)
+    with dark_room(world) as room, Tape(folder / TAPE) as tape, _logged(folder / LOG):
+        played = play(world, folder, tape.hear, tell, stopped, room)
     return Evidence(
         world=world,
         db=played.db,

@@ -15,6 +15,7 @@ from fleet.simulation.world.config import config_of
 from fleet.simulation.world.robot import WorldRobot
 from fleet.simulation.world.world import World
 from fleet.virtual.bus import Bus
+from fleet.virtual.dark_room import Expose
 from fleet.virtual.player import Sessions
 from fleet.virtual.port import Killed, Port
 from fleet.virtual.robot import gear_of
@@ -51,7 +52,7 @@ class _Process:
 
 class Crew:
     """`lives` are two; they end when the world is at its end and all is settled. `tell` gets the
-    reports of the cycle."""
+    reports of the cycle; `expose`: see `gear_of`."""
 
     def __init__(
         self,
@@ -64,6 +65,7 @@ class Crew:
         site_number: int,
         kills: tuple[Kill, ...] = (),
         tell: Callable[[Report], None] = lambda _: None,
+        expose: Expose | None = None,
     ) -> None:
         self.outbox, self._cache = folder / f"{robot.name}.outbox.db", folder / f"{robot.name}.map"
         self.summary: Summary | None = None
@@ -72,7 +74,7 @@ class Crew:
         self._config = config_of(robot, site, site_number)
         self._sessions = Sessions(time, f"{world.seed}/{robot.name}")
         self._kills = sorted(kills, key=lambda kill: kill.at_ns)
-        self._tell = tell
+        self._tell, self._expose = tell, expose
         self._process: _Process | None = None
 
     @property
@@ -117,7 +119,7 @@ class Crew:
         cached = load(self._cache, table.site)
         if cached is not None:
             atlas.serve(cached)
-        gear = gear_of(self._world, self._robot, self._time, port)
+        gear = gear_of(self._world, self._robot, self._time, port, self._expose)
         company = Company(uplink.lease, lambda: self._news(uplink))
         rng = np.random.default_rng([self._world.seed, self._robot.number, self.starts])
         robot = assemble(

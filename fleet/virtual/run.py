@@ -7,6 +7,7 @@ from pathlib import Path
 from fleet.simulation.world.world import World
 from fleet.virtual.bus import Bus
 from fleet.virtual.crew import Crew
+from fleet.virtual.dark_room import DarkRoom
 from fleet.virtual.faults import Plan, planned
 from fleet.virtual.site import VirtualSite
 from fleet.virtual.virtual_time import VirtualTime
@@ -36,9 +37,11 @@ def play(
     tap: Tap = lambda *_: None,
     tell: Callable[[int], None] = lambda _: None,
     stopped: Callable[[], bool] = lambda: False,
+    dark_room: DarkRoom | None = None,
 ) -> Played:
     """Until the world is at its end and everything is settled. `tap` hears every put; `tell` gets
-    the time of the world each second of it; once `stopped` says so the world ends at once."""
+    the time of the world each second of it; once `stopped` says so the world ends at once.
+    `dark_room`: makes images ahead; None: nobody does."""
     time = VirtualTime(world.start_ns)
     plan = planned(world, world.scenario.fault)
     bus = Bus(time, world.seed, spells=plan.spells, tap=tap)
@@ -66,6 +69,7 @@ def play(
             SITE_NUMBER,
             tuple(plan.agents.get(name, ())),
             reports[name].append,
+            None if dark_room is None else dark_room.of(robot),
         )
         for name, robot in world.robots.items()
     }

@@ -28,10 +28,12 @@ class Bell:
 
 
 class _Life:
-    """`until_ns` is what it waits for; of its entries in the queue only `entry` counts."""
+    """`until_ns` is what it waits for; of its entries in the queue only `entry` counts. `turn` is
+    held but for the moment in which it is its turn."""
 
     def __init__(self) -> None:
-        self.turn = threading.Semaphore(0)
+        self.turn = threading.Lock()
+        self.turn.acquire()
         self.until_ns = 0
         self.entry = -1
 

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from tagmap.records.rig import RigCalibration
 from tagmap.records.scanner import ScannerCalibration
 
 AnglesAt = Callable[[int], Angles]
+Images: TypeAlias = tuple[Image, Image]
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,11 +122,22 @@ class WorldRobot:
     def pair(self, t_ns: int, angles_at: AnglesAt | None = None) -> StereoPair:
         """Images whose exposure has its middle at `t_ns`, the right one's a little later. The time
         in the pair is by the robot's clock."""
-        skew_ns = round(self.scenario.optics.skew_s * 1e9)
+        return self.paired(t_ns, self.images(t_ns, angles_at))
+
+    def images(self, t_ns: int, angles_at: AnglesAt | None = None) -> Images:
+        """Of `pair`."""
         with self._lock:
             left = self._image(0, t_ns, angles_at)
-            right = self._image(1, t_ns + skew_ns, angles_at)
-        return StereoPair(left, right, self.clock_ns(t_ns), skew_ns, f"{self.name}-{t_ns}")
+            right = self._image(1, t_ns + self._skew_ns, angles_at)
+        return left, right
+
+    def paired(self, t_ns: int, images: Images) -> StereoPair:
+        """Those of `t_ns`, as the robot's cameras hand them out."""
+        return StereoPair(*images, self.clock_ns(t_ns), self._skew_ns, f"{self.name}-{t_ns}")
+
+    @property
+    def _skew_ns(self) -> int:
+        return round(self.scenario.optics.skew_s * 1e9)
 
     def _image(self, side: int, t_ns: int, angles_at: AnglesAt | None) -> Image:
         optics = self.scenario.optics

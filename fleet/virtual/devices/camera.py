@@ -1,11 +1,10 @@
 """Free-running cameras: an exposure every period, handed out when it has been read."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from fleet.virtual.dark_room import Expose
 from fleet.virtual.devices.time import RobotTime
 from robot_agent.cameras.camera import CameraInfo, Failure, StereoCamera, StereoPair
-from robot_agent.pan_tilt.unit import Angles
 
 READ_NS = 30_000_000
 """From the middle of an exposure until its images are there."""
@@ -14,8 +13,10 @@ SECOND_NS = 1_000_000_000
 
 @dataclass(slots=True)
 class WorldCamera(StereoCamera):
+    """`expose`: who makes the images."""
+
     time: RobotTime
-    angles_at: Callable[[int], Angles] | None = None
+    expose: Expose
 
     def probe(self) -> CameraInfo | Failure:
         rig = self.time.robot.rig
@@ -31,8 +32,9 @@ class WorldCamera(StereoCamera):
         if exposed_ns > world.end_ns:
             self.time.wait_ns(round(timeout_s * SECOND_NS))
             return Failure("ended", f"{robot.name}: the world is at its end")
+        images = self.expose(exposed_ns)
         self.time.wait_world_until(exposed_ns + READ_NS)
-        return robot.pair(exposed_ns, self.angles_at)
+        return robot.paired(exposed_ns, images())
 
     def close(self) -> None:
         """There is nothing to let go of."""

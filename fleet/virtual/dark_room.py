@@ -1,0 +1,112 @@
+"""Images that a second process makes while the lives go on: they are the slowest part of a robot.
+
+What fixed cameras see is a function of time alone, so the images of an exposure may be begun as
+soon as it is known that there will be one. Whoever makes them, they are the same bit for bit.
+"""
+
+import mmap
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing.connection import Connection
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.simulation.world.robot import Images, WorldRobot
+from fleet.simulation.world.world import World
+from tagmap.errors import TagmapError
+
+Expose: TypeAlias = Callable[[int], Callable[[], Images]]
+"""Asks for the images whose exposure has its middle then, and has them when it is called."""
+
+Frame: TypeAlias = npt.NDArray[np.uint8]
+
+
+class DarkRoom:
+    """Make one with `dark_room`. There are the images of one exposure of each robot: until its
+    next one is begun."""
+
+    def __init__(self, frames: Mapping[str, tuple[Frame, Frame]], line: Connection) -> None:
+        self._frames, self._line = frames, line
+        self._done: dict[str, int] = {}
+
+    def of(self, robot: WorldRobot) -> Expose | None:
+        """None: what its cameras see is not known before they do."""
+        return partial(self._begin, robot.name) if robot.name in self._frames else None
+
+    def _begin(self, name: str, t_ns: int) -> Callable[[], Images]:
+        self._done.pop(name, None)
+        with _heard():
+            self._line.send((name, t_ns))
+        return partial(self._images, name, t_ns)
+
+    def _images(self, name: str, t_ns: int) -> Images:
+        while self._done.get(name) != t_ns:
+            with _heard():
+                done, at_ns = self._line.recv()
+            self._done[done] = at_ns
+        return self._frames[name]
+
+
+@contextmanager
+def dark_room(world: World) -> Iterator[DarkRoom | None]:
+    """None: with one core there is nothing to be gained. To be opened before there are threads."""
+    robots = [one for one in world.robots.values() if one.known.mount.turning is None]
+    if not robots or len(os.sched_getaffinity(0)) < 2:
+        yield None
+        return
+    frames = {robot.name: _frames(robot) for robot in robots}
+    context = multiprocessing.get_context("fork")
+    here, there = context.Pipe()
+    process = context.Process(target=_work, args=(world, frames, there, here), daemon=True)
+    process.start()
+    there.close()
+    try:
+        yield DarkRoom(frames, here)
+    finally:
+        here.close()
+        process.join()
+
+
+@contextmanager
+def _heard() -> Iterator[None]:
+    try:
+        yield
+    except (EOFError, OSError):
+        raise TagmapError("the process that makes the images has ended") from None
+
+
+def _frames(robot: WorldRobot) -> tuple[Frame, Frame]:
+    """In memory that both processes have."""
+    left, right = robot.rig.left, robot.rig.right
+    return _frame(left.height_px, left.width_px), _frame(right.height_px, right.width_px)
+
+
+def _frame(height_px: int, width_px: int) -> Frame:
+    shared = mmap.mmap(-1, height_px * width_px)
+    return np.frombuffer(shared, dtype=np.uint8).reshape(height_px, width_px)
+
+
+def _work(
+    world: World,
+    frames: Mapping[str, tuple[Frame, Frame]],
+    line: Connection,
+    other_end: Connection,
+) -> None:
+    """Until the other process closes its end, or is no more. Signals are for that one."""
+    other_end.close()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    while True:
+        try:
+            name, t_ns = line.recv()
+        except EOFError:
+            return
+        for frame, image in zip(frames[name], world.robots[name].images(t_ns), strict=True):
+            frame[:] = image
+        line.send((name, t_ns))
