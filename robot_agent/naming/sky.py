@@ -21,7 +21,7 @@ from tagmap.records.keyframe import Measurement, Sighting
 
 Pair = tuple[int, int]
 
-UNEXPLAINED = 0.1
+UNEXPLAINED = 0.05
 """Share of what the rig may be off."""
 
 

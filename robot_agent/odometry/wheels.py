@@ -26,14 +26,16 @@ Floor: TypeAlias = Annotated[float, Meta(ge=1e-5, le=1.0)]
 
 class Wheels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Standard deviations: of the way after 1 m, along and across it; of the heading after a turn
-    of 1 rad, and after 1 m; variances grow with the way and the turn. The floors and
-    `out_of_plane` (z m, roll rad, pitch rad: the floor's unevenness) count once per step.
+    of 1 rad, and after 1 m; variances grow with the way and the turn. The floors and `out_of_plane`
+    (z m, roll rad, pitch rad: how the robot sways) count once per step; so does `uneven_per_m` (of
+    the same), times the way: a step is short against the waves of a floor.
     """
 
     forward_share: Share = 0.01
     lateral_share: Share = 0.005
     turn_share: Share = 0.01
     turn_rad_per_m: Share = 0.01
+    uneven_per_m: tuple[Share, Share, Share] = (0.0, 0.0, 0.0)
     floor_m: Floor = 0.0005
     floor_rad: Floor = 0.0005
     out_of_plane: tuple[Floor, Floor, Floor] = (0.0005, 0.0005, 0.0005)
@@ -42,7 +44,7 @@ class Wheels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 def step(prev: OdomPose, cur: OdomPose, wheels: Wheels) -> Odometry | None:
     """From prev to cur; None where nothing links them: another epoch, or too long a way."""
     if _stands(prev, cur):
-        return Odometry(T_prev_cur=transform(np.eye(4)), cov=upper(_settled(0.0, wheels)))
+        return Odometry(T_prev_cur=transform(np.eye(4)), cov=upper(_settled(0.0, 0.0, wheels)))
     T_prev_cur = se3.inverse(prev.T_odom_base) @ cur.T_odom_base
     way_m = max(abs(cur.path_m - prev.path_m), math.dist(T_prev_cur[:3, 3], (0.0, 0.0, 0.0)))
     turn_rad = abs(cur.turn_rad - prev.turn_rad)
@@ -78,12 +80,12 @@ def covariance(xi: Array, way_m: float, turn_rad: float, wheels: Wheels) -> Arra
     Ad = se3.adjoint(se3.exp(-left_to_go[:, None] * xi))
     arising = 0.5 * _WEIGHTS[:, None, None] * variances
     cov: Array = (arising * Ad @ Ad.swapaxes(-1, -2)).sum(axis=0)
-    return _settled(0.5 * (cov + cov.T), wheels)
+    return _settled(0.5 * (cov + cov.T), way_m, wheels)
 
 
-def _settled(arisen: Array | float, wheels: Wheels) -> Array:
-    """With what counts once per step, however short it is."""
-    z, roll_rad, pitch_rad = wheels.out_of_plane
+def _settled(arisen: Array | float, way_m: float, wheels: Wheels) -> Array:
+    """With what counts once per step."""
+    z, roll_rad, pitch_rad = np.hypot(wheels.out_of_plane, np.multiply(wheels.uneven_per_m, way_m))
     floors = [wheels.floor_m, wheels.floor_m, z, roll_rad, pitch_rad, wheels.floor_rad]
     cov: Array = arisen + np.diag(np.square(floors))
     return cov + UNRELATED * np.diag(np.diag(cov))

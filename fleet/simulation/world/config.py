@@ -23,7 +23,10 @@ from tagmap.records.arrays import transform
 
 REACH_M = 0.016
 """As measured at some metres: a beam lights a tag for certain that it passes so near."""
-PER_STEP = 0.3
+CURVED, RAISED = 1.25, 0.15
+"""Slope (rad) and height (m) that change per m of way on a floor's waves, per m of their sigma."""
+STILL = 5e-5
+"""m and rad: of odometry without errors of its clock."""
 LOWEST_M = 0.3
 """So far below the ceiling its tags hang at most."""
 BEARING_RAD, ELEVATION_RAD = (-3.15, 3.15), (-0.5, 1.571)
@@ -79,12 +82,13 @@ def _sure_m(robot: WorldRobot) -> float:
 
 def _wheels(robot: WorldRobot) -> Wheels:
     """As a test drive shows: random errors, and what systematic ones are left to be solved for."""
-    odometry = robot.scenario.odometry
-    # Waves of some metres: from one step to the next height and slope change by about as much.
-    uneven = max(PER_STEP * robot.scenario.building.uneven_m, 2e-4)
+    odometry, uneven_m = robot.scenario.odometry, robot.scenario.building.uneven_m
+    # Wheels that only drive ahead do not go sideways but by a heading that is wrong.
+    sideways = odometry.noise_m if robot.table.drive == "omni" else 0.0
+    slope = CURVED * uneven_m
     return Wheels(
         forward_share=_rss(odometry.noise_m, odometry.slips_per_m**0.5 * odometry.slip_m, 1e-3),
-        lateral_share=_rss(0.5 * odometry.noise_m, 1e-3),
+        lateral_share=_rss(sideways, STILL),
         turn_share=_rss(odometry.turn_noise_rad, 1e-3),
         turn_rad_per_m=_rss(
             odometry.noise_rad,
@@ -92,7 +96,10 @@ def _wheels(robot: WorldRobot) -> Wheels:
             odometry.slips_per_m**0.5 * odometry.slip_rad,
             1e-3,
         ),
-        out_of_plane=(uneven, uneven, uneven),
+        uneven_per_m=(RAISED * uneven_m, slope, slope),
+        floor_m=STILL,
+        floor_rad=STILL,
+        out_of_plane=(STILL, STILL, STILL),
     )
 
 

@@ -30,9 +30,8 @@ def test_defaults_are_those_of_the_page(config: type[UdpConfig | Wheels]):
         name: default
         for row, values in ROWS
         for name, default in zip(names(row), values.split(", "), strict=False)
-        if row != "`out_of_plane`"
     }
-    shown["out_of_plane"] = f"({dict(ROWS)['`out_of_plane`']})"
+    shown |= {name: f"({dict(ROWS)[f'`{name}`']})" for name in ("uneven_per_m", "out_of_plane")}
     for name in config.__struct_fields__:
         default = getattr(config(), name)
         assert shown[name] == ("none" if default is None else str(default)), name

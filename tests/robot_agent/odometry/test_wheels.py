@@ -22,6 +22,7 @@ WHEELS = st.builds(
     lateral_share=SHARE,
     turn_share=SHARE,
     turn_rad_per_m=SHARE,
+    uneven_per_m=st.tuples(SHARE, SHARE, SHARE),
     floor_m=FLOOR,
     floor_rad=FLOOR,
     out_of_plane=st.tuples(FLOOR, FLOOR, FLOOR),
@@ -175,3 +176,13 @@ def test_a_step_of_one_that_stands_is_the_shortest_step() -> None:
 def test_a_pose_that_has_jumped_is_driven_whatever_the_wheels_say() -> None:
     far = cov_of(pose(0.0, 0.0, 0.0, 5.0, 0.0), pose(1.0, 0.0, 0.0, 5.0, 0.0), SMOOTH)
     assert far[0, 0] >= SMOOTH.forward_share**2
+
+
+def test_an_uneven_floor_tilts_a_robot_in_proportion_to_the_way():
+    wheels = Wheels(uneven_per_m=(0.001, 0.002, 0.003), out_of_plane=(1e-4, 1e-4, 1e-4))
+    here, there = on_arc(0.0, 0.0), on_arc(0.5, 0.0)
+    stood, driven = cov_of(here, here, wheels), cov_of(here, there, wheels)
+    np.testing.assert_allclose(np.diag(stood)[2:5], 1e-8, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.diag(driven)[2:5], 1e-8 + np.square([0.0005, 0.001, 0.0015]), rtol=1e-6
+    )
