@@ -25,7 +25,7 @@ from fleet.virtual.virtual_time import VirtualTime
 from fleet.virtual.volume import Remains
 from robot_agent.agent import News, Report
 from robot_agent.assembly import Company, assemble, atlas_of, introduction_of
-from robot_agent.atlas.served import load, save
+from robot_agent.atlas.served import load
 from robot_agent.courier import Courier, Identity
 from robot_agent.diary import Diary
 from robot_agent.health import Health
@@ -34,6 +34,7 @@ from robot_agent.shell import Shell
 from robot_agent.sources.sensors import SensorSource
 from robot_agent.summary import Summary, summarise
 from tagmap.link.keys import Keys
+from tagmap.records import encode
 from tagmap.store.outbox import Outbox
 
 LOOK_NS = 20_000_000
@@ -133,9 +134,10 @@ class Crew:
         return Shell(courier, source, outbox, uplink, Diary(name), self._time.clock())
 
     def _news(self, uplink: VirtualUplink) -> News:
+        """A map is kept as `save` does it, but for waiting for the disk: no power is cut here."""
         served = uplink.served()
         if served is not None:
-            save(self._cache, served)
+            self._cache.write_bytes(encode(served))
         return News(served, uplink.jobs())
 
     def _see(self) -> None:

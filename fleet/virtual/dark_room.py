@@ -15,23 +15,21 @@ from multiprocessing.connection import Connection
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from fleet.simulation.world.robot import Images, WorldRobot
+from fleet.simulation.world.robot import Frame, Images, WorldRobot
 from fleet.simulation.world.world import World
 from tagmap.errors import TagmapError
 
+Frames: TypeAlias = tuple[Frame, Frame]
 Expose: TypeAlias = Callable[[int], Callable[[], Images]]
 """Asks for the images whose exposure has its middle then, and has them when it is called."""
-
-Frame: TypeAlias = npt.NDArray[np.uint8]
 
 
 class DarkRoom:
     """Make one with `dark_room`. There are the images of one exposure of each robot: until its
     next one is begun."""
 
-    def __init__(self, frames: Mapping[str, tuple[Frame, Frame]], line: Connection) -> None:
+    def __init__(self, frames: Mapping[str, Frames], line: Connection) -> None:
         self._frames, self._line = frames, line
         self._done: dict[str, int] = {}
 
@@ -81,7 +79,7 @@ def _heard() -> Iterator[None]:
         raise TagmapError("the process that makes the images has ended") from None
 
 
-def _frames(robot: WorldRobot) -> tuple[Frame, Frame]:
+def _frames(robot: WorldRobot) -> Frames:
     """In memory that both processes have."""
     left, right = robot.rig.left, robot.rig.right
     return _frame(left.height_px, left.width_px), _frame(right.height_px, right.width_px)
@@ -94,7 +92,7 @@ def _frame(height_px: int, width_px: int) -> Frame:
 
 def _work(
     world: World,
-    frames: Mapping[str, tuple[Frame, Frame]],
+    frames: Mapping[str, Frames],
     line: Connection,
     other_end: Connection,
 ) -> None:
@@ -107,6 +105,5 @@ def _work(
             name, t_ns = line.recv()
         except EOFError:
             return
-        for frame, image in zip(frames[name], world.robots[name].images(t_ns), strict=True):
-            frame[:] = image
+        world.robots[name].images(t_ns, onto=frames[name])
         line.send((name, t_ns))

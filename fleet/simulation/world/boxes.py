@@ -18,10 +18,13 @@ class Boxes:
     half: Array
     heading: Array
 
+    def __len__(self) -> int:
+        return len(self.heading)
+
     def block(self, origin: Array, target: Array) -> Mask:
         """(K,) whether anything is between origins (K, 3) or (3,) and targets (K, 3)."""
-        blocked = np.zeros(len(target), dtype=bool)
-        start = np.ascontiguousarray(np.broadcast_to(origin, target.shape))
+        blocked, start = np.zeros(len(target), dtype=bool), np.empty(target.shape)
+        start[:] = origin
         block(self.centre, self.half, self.heading, start, np.ascontiguousarray(target), blocked)
         return blocked
 

@@ -41,7 +41,13 @@ class Imager:
         self._light = np.zeros((self.height_px, self.width_px), dtype=np.float32)
         self._touched = np.empty(self._light.size, dtype=np.int32)
 
-    def expose(self, lights: Lights, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+    def expose(
+        self,
+        lights: Lights,
+        rng: np.random.Generator,
+        onto: npt.NDArray[np.uint8] | None = None,
+    ) -> npt.NDArray[np.uint8]:
+        """An image (height, width): `onto`, or a new one."""
         optics = self.optics
         background = noise(
             self.seed,
@@ -52,7 +58,8 @@ class Imager:
             optics.read_noise,
         )
         ground = shifted(background, rng)
-        image = ground.image()
+        image = np.empty_like(ground.noise.rounded[0]) if onto is None else onto
+        ground.onto(image)
         n = fall(
             self._light,
             lights.start_px,

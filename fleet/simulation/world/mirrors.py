@@ -69,6 +69,9 @@ def plane(mirror: Mirror) -> Plane:
 
 def apparent(p: Array, normal: Array, planes: tuple[Plane, ...]) -> Apparent:
     """Sources (N, 3) themselves, then in each mirror."""
+    if not planes:
+        index = np.arange(len(p))
+        return Apparent(p, normal, index, np.full_like(index, DIRECT))
     n = len(p)
     mirror = np.repeat(np.arange(DIRECT, len(planes)), n)
     return Apparent(
@@ -88,6 +91,8 @@ def shown(
     moving: Boxes,
 ) -> Mask:
     """(K,) whether nothing is between `origin` (3,) and what is seen of sources p (N, 3)."""
+    if not planes:
+        return sight.free(origin, seen.p, moving)
     ends, legs = seen.p.copy(), np.zeros(len(seen.p), dtype=bool)
     there = np.ones(len(seen.p), dtype=bool)
     for k, plane in enumerate(planes):

@@ -35,14 +35,12 @@ class Shifted:
     down: int
     right: int
 
-    def image(self) -> npt.NDArray[np.uint8]:
-        """A new one."""
+    def onto(self, made: npt.NDArray[np.uint8]) -> None:
+        """An image (height, width)."""
         frame, d, r = self.noise.rounded[self.frame], self.down, self.right
-        made: npt.NDArray[np.uint8] = np.empty_like(frame)
         h, w = frame.shape
         made[: h - d, : w - r], made[: h - d, w - r :] = frame[d:, r:], frame[d:, :r]
         made[h - d :, : w - r], made[h - d :, w - r :] = frame[:d, r:], frame[:d, :r]
-        return made
 
     @property
     def counted(self) -> tuple[npt.NDArray[np.float32], int, int]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.simulation.scenario.description import Scenario
 from fleet.simulation.scenario.robot import Robot
@@ -33,6 +34,7 @@ from tagmap.records.scanner import ScannerCalibration
 
 AnglesAt = Callable[[int], Angles]
 Images: TypeAlias = tuple[Image, Image]
+Frame: TypeAlias = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,7 @@ class WorldRobot:
     seed: int
     eyes: tuple[Eye, Eye]
     imagers: tuple[Imager, Imager]
+    _stood: tuple[tuple[float, float, float], Array] | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     @property
@@ -97,8 +100,12 @@ class WorldRobot:
         return self.hidden.motion.stops()
 
     def T_map_base(self, t_ns: int) -> Array:
-        """(4, 4), the truth."""
-        return self.hidden.floor.stand(*self.hidden.motion.at(t_ns))
+        """(4, 4), the truth. Where it was asked for last it mostly still stands."""
+        at = self.hidden.motion.at(t_ns)
+        stood = self._stood
+        if stood is None or stood[0] != at:
+            self._stood = stood = at, self.hidden.floor.stand(*at)
+        return stood[1]
 
     def T_map_cam(self, t_ns: int, angles: Angles | None = None) -> Array:
         """(4, 4), the truth; angles: of its pan-tilt unit, None: at 0, or there is none."""
@@ -124,11 +131,16 @@ class WorldRobot:
         in the pair is by the robot's clock."""
         return self.paired(t_ns, self.images(t_ns, angles_at))
 
-    def images(self, t_ns: int, angles_at: AnglesAt | None = None) -> Images:
-        """Of `pair`."""
+    def images(
+        self,
+        t_ns: int,
+        angles_at: AnglesAt | None = None,
+        onto: tuple[Frame | None, Frame | None] = (None, None),
+    ) -> Images:
+        """Of `pair`; onto frames where there are any."""
         with self._lock:
-            left = self._image(0, t_ns, angles_at)
-            right = self._image(1, t_ns + self._skew_ns, angles_at)
+            left = self._image(0, t_ns, angles_at, onto[0])
+            right = self._image(1, t_ns + self._skew_ns, angles_at, onto[1])
         return left, right
 
     def paired(self, t_ns: int, images: Images) -> StereoPair:
@@ -139,7 +151,7 @@ class WorldRobot:
     def _skew_ns(self) -> int:
         return round(self.scenario.optics.skew_s * 1e9)
 
-    def _image(self, side: int, t_ns: int, angles_at: AnglesAt | None) -> Image:
+    def _image(self, side: int, t_ns: int, angles_at: AnglesAt | None, onto: Frame | None) -> Image:
         optics = self.scenario.optics
         half_ns = round(0.5e9 * optics.exposure_s)
         view = self._view(side, (t_ns - half_ns, t_ns, t_ns + half_ns), angles_at)
@@ -147,7 +159,7 @@ class WorldRobot:
             self.eyes[side], view, self.around, self.name, t_ns, self.scenario.led, optics
         )
         rng = stream(self.seed, "image", self.name, side, t_ns)
-        return self.imagers[side].expose(seen, rng)
+        return self.imagers[side].expose(seen, rng, onto)
 
     def _view(self, side: int, times: tuple[int, int, int], angles_at: AnglesAt | None) -> View:
         """Poses that do not change are computed once."""

@@ -100,6 +100,8 @@ def flux_of(led: Led, optics: Optics, p: Array, cosine: Array, T_map_cam: Array)
 
 def _kept(seen: Apparent, around: Surroundings) -> Array:
     """What mirrors leave of the light (K,)."""
+    if not around.mirrors:
+        return np.ones(len(seen.mirror))
     kept = np.array([1.0] + [plane.reflects for plane in around.mirrors])
     return kept[seen.mirror - DIRECT]
 

@@ -30,15 +30,16 @@ class Sight:
         """(K,) whether nothing is between origins (K, 3) or (3,) and targets (K, 3)."""
         if not len(target):
             return np.zeros(0, dtype=bool)
-        start = np.broadcast_to(origin, target.shape)
+        start = np.empty(target.shape)
+        start[:] = origin
         way = target - start
-        length = np.linalg.norm(way, axis=-1, keepdims=True)
+        length = np.sqrt((way * way).sum(axis=-1, keepdims=True))
         # Directions are shortened, so that 1 is where the look ends.
-        kept = np.maximum(length - AT_END_M, 0.0) / np.maximum(length, 1e-9)
-        rays = self._rays(start, way * kept)
+        way *= np.maximum(length - AT_END_M, 0.0) / np.maximum(length, 1e-9)
+        rays = self._rays(start, way)
         hidden: Mask = self._scene.test_occlusions(rays, tnear=0.0, tfar=1.0).numpy()
-        if moving is not None:
-            hidden = hidden | moving.block(start, start + way * kept)
+        if moving is not None and len(moving):
+            hidden |= moving.block(start, start + way)
         return ~hidden
 
     def first(self, origin: Array, direction: Array) -> tuple[Array, Array]:
@@ -56,4 +57,6 @@ class Sight:
         return distance.astype(np.float64)
 
     def _rays(self, origin: Array, direction: Array) -> Any:
-        return self._tensor(np.concatenate([origin, direction], axis=-1).astype(np.float32))
+        rays = np.empty((len(origin), 6), dtype=np.float32)
+        rays[:, :3], rays[:, 3:] = origin, direction
+        return self._tensor(rays)
