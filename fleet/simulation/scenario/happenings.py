@@ -32,7 +32,8 @@ NEED_NOBODY = ("kill-service", "kill-router")
 
 class Event(Table, frozen=True, kw_only=True):
     """moved       the tags hang at to_m, or by_m from where they were
-    swapped     two tags hang where the other did
+    swapped     two tags hang where the other did; of both takes_s: meanwhile somebody has them in
+                the hands, and nobody sees or lights them
     covered     nobody sees them and no laser reaches them, until `uncovered`
     dead        they shine on and never answer
     duplicated  another tag of the same EPC hangs at to_m
@@ -49,6 +50,7 @@ class Event(Table, frozen=True, kw_only=True):
     by_m: Point3 | None = None
     heading_deg: Degrees = 0.0
     carry_s: Seconds = 8.0
+    takes_s: Seconds = 10.0
 
     def __post_init__(self) -> None:
         problem = _wrong_with(self)

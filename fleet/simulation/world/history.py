@@ -1,7 +1,7 @@
 """What becomes of the tags: where each hangs, and whether it can be seen, at any time."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,11 +9,13 @@ from fleet.simulation.scenario.happenings import Event
 from fleet.simulation.world.tags import Hanging
 from tagmap.conventions import Array, Mask
 
+CARRIED = ("moved", "swapped")
+
 
 @dataclass(frozen=True, slots=True)
 class TagsNow:
-    """p, normal (N, 3); hung (N,): it is there; open (N,): and not covered; alive (N,): it answers
-    where it is lit."""
+    """p, normal (N, 3); hung (N,): it is there; open (N,): and neither covered nor in somebody's
+    hands; alive (N,): it answers where it is lit."""
 
     p: Array
     normal: Array
@@ -55,15 +57,29 @@ def history(hanging: Hanging, events: tuple[Event, ...], start_ns: int) -> Histo
         there,
     )
     from_ns, states, copied = [start_ns], [state], 0
-    for event in of_tags:
+    for at_s, event, is_end in _in_order(of_tags):
         index = [hanging.index(ref, "event.tags") for ref in event.tags]
         if event.kind == "duplicated":
             index, copied = [n + copied], copied + 1
-        state = _after(event, index, state)
-        from_ns.append(start_ns + round(event.at_s * 1e9))
+        state = _hung(index, state) if is_end else _after(event, index, state)
+        from_ns.append(start_ns + round(at_s * 1e9))
         states.append(state)
     epcs = (*hanging.names, *(hanging.names[k] for k in of))
     return History((*hanging.names, *added), epcs, tuple(from_ns), tuple(states))
+
+
+def _in_order(events: list[Event]) -> list[tuple[float, Event, bool]]:
+    """When each begins, and when those that take time end."""
+    begin = [(event.at_s, event, False) for event in events]
+    carried = [event for event in events if event.kind in CARRIED and event.takes_s]
+    end = [(event.at_s + event.takes_s, event, True) for event in carried]
+    return sorted(begin + end, key=lambda one: one[0])
+
+
+def _hung(index: list[int], before: TagsNow) -> TagsNow:
+    is_open = before.open.copy()
+    is_open[index] = True
+    return replace(before, open=is_open)
 
 
 def _after(event: Event, index: list[int], before: TagsNow) -> TagsNow:
@@ -75,6 +91,8 @@ def _after(event: Event, index: list[int], before: TagsNow) -> TagsNow:
         p[index], normal[index] = before.p[index[::-1]], before.normal[index[::-1]]
     if event.kind == "duplicated":
         hung[index] = is_open[index] = alive[index] = True
+    if event.kind in CARRIED and event.takes_s:
+        is_open[index] = False
     if event.kind in ("covered", "uncovered"):
         is_open[index] = event.kind == "uncovered"
     if event.kind == "dead":

@@ -48,7 +48,7 @@ def world_with(world_of):
 
 
 def test_a_moved_tag_is_hit_where_it_is_now(world_with):
-    event = "[[event]]\nat_s = 5\nkind = 'moved'\ntags = [1]\nby_m = [0.0, 0.5, 0.0]\n"
+    event = "[[event]]\nat_s = 5\nkind = 'moved'\ntags = [1]\nby_m = [0.0, 0.5, 0.0]\ntakes_s = 0\n"
     world = world_with(event)
     one = world.around.tags.names[0]
     assert shot(world, [5.0, 4.0, 2.95], after(4)) == [one]
@@ -58,11 +58,25 @@ def test_a_moved_tag_is_hit_where_it_is_now(world_with):
 
 
 def test_swapped_tags_hang_where_the_other_did(world_with):
-    world = world_with("[[event]]\nat_s = 5\nkind = 'swapped'\ntags = [1, 2]\n")
+    world = world_with("[[event]]\nat_s = 5\nkind = 'swapped'\ntags = [1, 2]\ntakes_s = 0\n")
     one, two = world.around.tags.names
     assert shot(world, [5.0, 4.0, 2.95], after(4)) == [one]
     assert shot(world, [5.0, 4.0, 2.95], after(6)) == [two]
     assert shot(world, [6.0, 3.2, 2.9], after(6)) == [one]
+
+
+@pytest.mark.parametrize("event", ["kind = 'moved'\nby_m = [0, 0, 0.01]", "kind = 'swapped'"])
+def test_tags_are_dark_while_somebody_carries_them(world_with, event):
+    tags = "[1, 2]"
+    world = world_with(f"[[event]]\nat_s = 5\n{event}\ntags = {tags}\ntakes_s = 3\n")
+    robot = world.robots["r1"]
+    bright = [int((robot.pair(after(t)).left > 60).sum()) for t in (4, 7, 9)]
+    assert bright[1] == 0
+    assert min(bright[0], bright[2]) > 0
+    assert len(shot(world, [5.0, 4.0, 2.95], after(4))) == 1
+    assert shot(world, [5.0, 4.0, 2.95], after(7)) == []
+    assert len(shot(world, [5.0, 4.0, 2.95], after(9))) == 1
+    assert set(world.tags(after(7))) == set(world.tags(after(4)))
 
 
 def test_a_covered_tag_is_neither_seen_nor_lit_until_uncovered(world_with):
