@@ -21,10 +21,11 @@ from robot_agent.backoff import Backoff
 from robot_agent.cameras.camera import StereoPair
 from robot_agent.jobs import Jobs
 from robot_agent.keyframes import Moment, Spacing, is_due
-from robot_agent.naming.belief import is_borne_out
+from robot_agent.naming.belief import is_borne_out, is_contradicted
 from robot_agent.naming.hunt import Hunt, Wishes
 from robot_agent.naming.judge import Judge
 from robot_agent.naming.named import Named
+from robot_agent.naming.regular import expectation_of
 from robot_agent.naming.sky import Sky
 from robot_agent.naming.standing import Standing
 from robot_agent.naming.tracker import Tracker
@@ -242,7 +243,7 @@ class Agent:
         """Names by light that were given before the robot knew where it was."""
         judge = self._judge(sky)
         if self._is_borne_out:
-            judge.look_for_the_gone()
+            judge.look_for(self._tracker.lost)
         for tag in judge.odd():
             self._tracker.drop(tag)
             sky.unname(tag)
@@ -251,13 +252,16 @@ class Agent:
         """Names by the constellation, where the robot does not know where it is."""
         if self._onboard.of_camera(sky.T_base_cam) is not None or len(sky) < 3:
             return
-        found = identify(self._onboard.chart.catalogue, sky.p_cam, sky.wide, self._field)
-        self._take(sky, found, "constellation")
+        catalogue = self._onboard.chart.catalogue
+        expect = expectation_of(catalogue)
+        found = identify(catalogue, sky.p_cam, sky.wide, self._field, expect=expect)
+        if not is_contradicted(sky, found, catalogue, self._is_doubtful):
+            self._take(sky, found, "constellation")
 
     def _take(self, sky: Sky, found: Identity, id_by: IdentifiedBy) -> None:
         chart = self._onboard.chart
         for k, row in enumerate(found.tag.tolist()):
-            if row < 0 or self._whereabouts.is_doubtful(chart.catalogue.ids[row], chart.table):
+            if row < 0 or self._is_doubtful(chart.catalogue.ids[row]):
                 continue
             tag, p_false = chart.catalogue.ids[row], float(found.p_false[k])
             known = sky.names.get(sky.targets[k].pair)
@@ -268,6 +272,9 @@ class Agent:
             elif known is not None and not known.is_lit:
                 self._tracker.drop(known.tag)
                 sky.unname(known.tag)
+
+    def _is_doubtful(self, tag: str) -> bool:
+        return self._whereabouts.is_doubtful(tag, self._onboard.chart.table)
 
     def _may_ask(self, shooter: Shooter, now_ns: int) -> bool:
         is_soon = shooter.holder.ask_at_ns - now_ns <= MOST_WAIT_NS
@@ -297,15 +304,16 @@ class Agent:
         return outcomes
 
     def _hunt(self, shooter: Shooter, sky: Sky, now_ns: int) -> Hunt:
-        known = self._contradicted_ns.items()
+        known, judge = self._contradicted_ns.items(), self._judge(sky)
         return Hunt(
             sky,
             shooter.aimer,
             self._belief(sky),
             self._wishes(sky, now_ns),
             self._standing,
-            self._judge(sky),
+            judge,
             {tag for tag, since_ns in known if now_ns - since_ns <= CONTRADICTED_NS},
+            told=judge.told(),
         )
 
     def _belief(self, sky: Sky) -> PoseBelief:

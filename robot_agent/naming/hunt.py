@@ -19,10 +19,13 @@ from robot_agent.naming.named import Named
 from robot_agent.naming.sky import Pair, Sky
 from robot_agent.naming.standing import Standing, spots_px
 from robot_agent.naming.whereabouts import Stance
-from tagmap.conventions import Array
+from tagmap.conventions import Array, Mask
 from tagmap.geometry import se3
 
 WRITE_RANGE_M = 30.0
+TOLD_M = 0.3
+MOST_CONFIRMED = 2
+"""Names in a turn: others wait for the laser who have none yet."""
 MOST_WEIGHED = 24
 """Spots without a name: to weigh one takes milliseconds, and the sun makes hundreds."""
 
@@ -52,6 +55,7 @@ class Hunt:
     contradicted  tags that were lit at more than one spot, as beside a mirror, now or a while ago:
                   light alone names them no more
     held          tags that were lit where they may not hang, and so are named nowhere yet
+    told          (K, 3) in base: where light tells nothing new
     """
 
     sky: Sky
@@ -62,7 +66,9 @@ class Hunt:
     judge: Ask = nobody_knows
     contradicted: set[str] = field(default_factory=set)
     held: dict[str, Outcome] = field(default_factory=dict)
+    told: Array = field(default_factory=lambda: np.zeros((0, 3)))
     _taken: int = 0
+    _confirmed: int = 0
     _done: set[str] = field(default_factory=set)
     _passed: set[Pair] = field(default_factory=set)
     _suspects: set[Pair] = field(default_factory=set)
@@ -186,7 +192,10 @@ class Hunt:
     def _doubtful(self) -> Target | None:
         rank = {tag: k for k, tag in enumerate(self.wishes.doubtful)}
         found = self._of_names(rank)
-        return min(found, key=lambda one: rank[one[0]])[1] if found else None
+        if not found or self._confirmed >= MOST_CONFIRMED:
+            return None
+        self._confirmed += 1
+        return min(found, key=lambda one: rank[one[0]])[1]
 
     def _of_names(self, tags: Collection[str]) -> list[tuple[str, Target]]:
         """Those of these tags in view that were not lit in this turn and can be."""
@@ -209,9 +218,13 @@ class Hunt:
         if not open_ones:
             return []
         p_base = se3.act(self.sky.T_base_cam, np.array([t.p_cam for t in open_ones]))
-        vain = self.standing.are_vain(p_base)
+        vain = self.standing.are_vain(p_base) | self._are_told(p_base)
         left = [t for t, is_vain in zip(open_ones, vain, strict=True) if not is_vain]
         return sorted(left, key=distance_m)[:MOST_WEIGHED]
+
+    def _are_told(self, p_base: Array) -> Mask:
+        away = np.linalg.norm(p_base[:, None] - self.told, axis=-1)
+        return np.asarray((away <= TOLD_M).any(axis=1))
 
     def _worth(self, target: Target) -> Worth | None:
         """Worked out once for each target of this exposure: matching anew makes others."""

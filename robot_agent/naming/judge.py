@@ -1,5 +1,6 @@
 """What it says of a tag that it answers where it does: one exposure, one pose, one map."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,9 +35,17 @@ class Judge:
             return "unknown"
         stance = self.whereabouts.lit(tag, *at, self.table)
         if stance == "unsure" and self.is_borne_out:
-            self.look_for_the_gone()
+            self.look_for(())
             stance = self.whereabouts.lit(tag, *at, self.table)
         return stance
+
+    def told(self) -> Array:
+        """(K, 3) in base: where light tells nothing new."""
+        places = self.whereabouts.told()
+        if self.live.T_map_base is None or not places:
+            return np.zeros((0, 3))
+        p_base: Array = se3.act(se3.inverse(self.live.T_map_base), np.array(places))
+        return p_base
 
     def odd(self) -> list[str]:
         """Names by light from before that the map contradicts, and nobody has moved the tags."""
@@ -47,17 +56,26 @@ class Judge:
         ]
         return [tag for tag, target in followed if self._is_odd(tag, target)]
 
-    def look_for_the_gone(self) -> None:
-        """Whether anything shines where tags ought to hang that were lit elsewhere."""
-        sought = list(self.whereabouts.sought(self.table))
-        live = self.live
-        if not sought or live.T_map_base is None or live.cov is None or not _is_sharp(live.cov):
+    def look_for(self, lost: Sequence[str]) -> None:
+        """Whether anything shines where tags ought to hang that were lit elsewhere, or that went
+        out of sight just now."""
+        table, T_map_base = self.table, self.live.T_map_base
+        sought = dict(self.whereabouts.sought(table))
+        places = {tag: table.p_map[table.index[tag]] for tag in lost if tag in table.index}
+        places |= sought
+        if (
+            not places
+            or T_map_base is None
+            or self.live.cov is None
+            or not _is_sharp(self.live.cov)
+        ):
             return
-        places = np.array([place for _, place in sought])
-        dark = are_dark(self.sky, places, live.T_map_base @ self.sky.T_base_cam)
-        for (tag, _), is_dark in zip(sought, dark.tolist(), strict=True):
-            if is_dark:
-                self.whereabouts.is_dark(tag, live.T_map_base[:3, 3])
+        dark = are_dark(self.sky, np.array([*places.values()]), T_map_base @ self.sky.T_base_cam)
+        for (tag, place), is_dark in zip(places.items(), dark.tolist(), strict=True):
+            if is_dark and tag in sought:
+                self.whereabouts.is_dark(tag, T_map_base[:3, 3])
+            elif is_dark:
+                self.whereabouts.vanish(tag, place)
 
     def _is_odd(self, tag: str, target: Target) -> bool:
         at = self._on_map(tag, target, depth=True)

@@ -41,8 +41,11 @@ class Trace:
 
 
 class Tracker:
+    """`lost`: tags that were given up at the last exposure, for they were unseen for too long."""
+
     def __init__(self) -> None:
         self.traces: dict[str, Trace] = {}
+        self.lost: list[str] = []
 
     def move(self, step: Odometry | None) -> None:
         """By the motion since the exposure before; None: it is not known, and all traces end."""
@@ -96,8 +99,8 @@ class Tracker:
                 del self.traces[tag]
 
     def _forget(self) -> None:
-        gone = [tag for tag, trace in self.traces.items() if trace.unseen > LONGEST_UNSEEN]
-        for tag in gone:
+        self.lost = [tag for tag, trace in self.traces.items() if trace.unseen > LONGEST_UNSEEN]
+        for tag in self.lost:
             del self.traces[tag]
 
 

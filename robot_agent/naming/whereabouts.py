@@ -26,6 +26,9 @@ AROUND_M = 1.0
 APART_M = 1.0
 """Between two looks at a dark place, so that not the same thing hides it in both."""
 
+OFTEN = 3
+"""A tag that answered so often at a place will do so again."""
+
 Stance: TypeAlias = Literal["home", "moved", "unsure", "image", "unknown"]
 """home     it answered where the map has it
 moved    elsewhere, and it is not where the map has it
@@ -38,10 +41,11 @@ unknown  the map does not have it, or the robot does not know where it is
 @dataclass(slots=True)
 class _Absence:
     """`place`: where the map has a tag that does not hang there, or may not. `lit_at`: where else
-    it answered; dark_from: where robots stood that saw nothing shine at the place."""
+    it answered, and how often; dark_from: where robots stood that saw nothing shine there."""
 
     place: Array
     lit_at: Array | None = None
+    times: int = 0
     is_gone: bool = False
     dark_from: list[Array] = field(default_factory=list)
 
@@ -65,6 +69,8 @@ class Whereabouts:
         if row is None:
             return "unknown"
         absence = self._absence(tag, table.p_map[row])
+        is_again = absence.lit_at is not None and _is_at(absence.lit_at, p_map)
+        absence.times = absence.times + 1 if is_again else 1
         absence.lit_at = p_map
         absence.is_gone |= bool(np.linalg.norm(p_map - absence.place) <= BESIDE_M)
         return "moved" if absence.is_gone else "unsure"
@@ -81,6 +87,17 @@ class Whereabouts:
         for tag, absence in tuple(self._absent.items()):
             if self.is_doubtful(tag, table) and not absence.is_gone and absence.lit_at is not None:
                 yield tag, absence.place
+
+    def vanish(self, tag: str, place: Array) -> None:
+        """It went dark before the robot's eyes: somebody may be carrying it away, and what shines
+        at its place later on may be another."""
+        self._absence(tag, place)
+
+    def told(self) -> list[Array]:
+        """Places (3,) at which light tells nothing new."""
+        often = [one for one in self._absent.values() if one.times >= OFTEN and not one.is_gone]
+        claimed = [one.lit_at for one in often if one.lit_at is not None]
+        return claimed + [at for images in self._images.values() for at in images]
 
     def is_dark(self, tag: str, robot_p_map: Array) -> None:
         """Nothing shines at its place, as seen from there."""

@@ -5,7 +5,7 @@ import pytest
 
 from robot_agent.activation.verdict import distance_m
 from robot_agent.naming import hunt as hunting
-from robot_agent.naming.hunt import MOST_WEIGHED, Wishes
+from robot_agent.naming.hunt import MOST_CONFIRMED, MOST_WEIGHED, Wishes
 from robot_agent.naming.named import Named
 from robot_agent.naming.standing import Standing
 from tests.robot_agent.naming.seen import hunt, outcome, sky
@@ -131,6 +131,24 @@ def test_who_waits_for_a_record_comes_first_then_who_has_no_name_then_who_is_dou
     tags = dict(zip(pairs, ("awaited", "new", "doubted"), strict=True))
     outcomes = play(chosen, lambda target: ("identified", tags[target.pair]))
     assert [o.target.pair for o in outcomes] == pairs
+
+
+def test_who_has_no_name_yet_does_not_wait_for_all_names_of_others_to_be_confirmed():
+    over = sky()
+    for k in range(3):
+        over.name(k, Named(f"t{k}", "gate", 1e-4))
+    tags = {target.pair: f"t{k}" for k, target in enumerate(over.targets)}
+    chosen = hunt(over, Wishes(doubtful=["t2", "t0", "t1"]))
+    outcomes = play(chosen, lambda target: ("identified", tags[target.pair]))
+    assert [o.verdict.tag for o in outcomes] == ["t2", "t0"][:MOST_CONFIRMED]
+
+
+def test_where_light_tells_nothing_new_none_is_spent():
+    over = sky()
+    told = over.p_cam[[1]] + np.array([0.0, 0.1, 0.0])
+    outcomes = play(hunt(over, told=told), lambda _: ("ambiguous", None))
+    assert over.targets[1].pair not in {o.target.pair for o in outcomes}
+    assert len(outcomes) == 2
 
 
 def test_nothing_is_written_from_too_far_away():

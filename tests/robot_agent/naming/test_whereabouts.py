@@ -116,3 +116,23 @@ def test_who_is_unsure_of_the_own_pose_sends_nobody_away():
     assert not where.is_doubtful("b", HALL)
     answers(where, "x", (2.0, 0.0, 3.0))
     assert where.is_doubtful("b", HALL)
+
+
+def test_what_went_dark_before_ones_eyes_has_no_name_by_its_place_until_it_is_lit_there():
+    where = Whereabouts()
+    where.vanish("a", np.array([1.0, 0.0, 3.0]))
+    assert where.is_doubtful("a", HALL)
+    assert list(where.sought(HALL)) == []
+    assert answers(where, "a", (1, 0, 3)) == "home"
+    assert not where.is_doubtful("a", HALL)
+    assert where.told() == []
+
+
+def test_light_is_not_spent_for_ever_on_what_it_has_told():
+    where = Whereabouts()
+    for times in (1, 2, 3):
+        assert where.told() == []
+        answers(where, "a", BEHIND_THE_WALL + 0.01 * times)
+    assert len(where.told()) == 1
+    answers(where, "a", (1, 0, 3))
+    assert len(where.told()) == 1, "an image"
