@@ -40,6 +40,8 @@ from robot_agent.perception.matching import View
 from robot_agent.perception.spots import Optics, Spots, detect
 from tagmap.conventions import Array
 from tagmap.geometry.stereo import StereoRig
+from tagmap.localisation.constellation.catalogue import Catalogue
+from tagmap.localisation.constellation.expectation import Expectation
 from tagmap.localisation.constellation.expectation import Frame as Field
 from tagmap.localisation.constellation.gate import gate
 from tagmap.localisation.constellation.identify import Identity, identify
@@ -130,6 +132,7 @@ class Agent:
         self._contradicted_ns: dict[str, int] = {}
         self._held: list[Sighting] = []
         self._is_borne_out = False
+        self._expect: tuple[Catalogue, Expectation] | None = None
         self._jobs = Jobs(work.robot)
         self._lit_ns: dict[str, int] = {}
         self._began_ns: int | None = None
@@ -253,8 +256,9 @@ class Agent:
         if self._onboard.of_camera(sky.T_base_cam) is not None or len(sky) < 3:
             return
         catalogue = self._onboard.chart.catalogue
-        expect = expectation_of(catalogue)
-        found = identify(catalogue, sky.p_cam, sky.wide, self._field, expect=expect)
+        if self._expect is None or self._expect[0] is not catalogue:
+            self._expect = catalogue, expectation_of(catalogue)
+        found = identify(catalogue, sky.p_cam, sky.wide, self._field, expect=self._expect[1])
         if not is_contradicted(sky, found, catalogue, self._is_doubtful):
             self._take(sky, found, "constellation")
 

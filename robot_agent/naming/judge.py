@@ -49,12 +49,13 @@ class Judge:
 
     def odd(self) -> list[str]:
         """Names by light from before that the map contradicts, and nobody has moved the tags."""
-        if not self.is_borne_out:
+        followed = [(k, named.tag) for k, named in self.sky.named() if named.is_lit]
+        if not followed or not self.is_borne_out:
             return []
-        followed = [
-            (named.tag, self.sky.targets[k]) for k, named in self.sky.named() if named.is_lit
-        ]
-        return [tag for tag, target in followed if self._is_odd(tag, target)]
+        p_base, cov = self.sky.places()
+        found = [(tag, self._to_map(p_base[k], cov[k])) for k, tag in followed]
+        is_odd, table = self.whereabouts.is_odd, self.table
+        return [tag for tag, at in found if at is not None and is_odd(tag, *at, table)]
 
     def look_for(self, lost: Sequence[str]) -> None:
         """Whether anything shines where tags ought to hang that were lit elsewhere, or that went
@@ -77,23 +78,23 @@ class Judge:
             elif is_dark:
                 self.whereabouts.vanish(tag, place)
 
-    def _is_odd(self, tag: str, target: Target) -> bool:
-        at = self._on_map(tag, target, depth=True)
-        return at is not None and self.whereabouts.is_odd(tag, *at, self.table)
-
     def _on_map(self, tag: str, target: Target, depth: bool) -> tuple[Array, Array] | None:
-        """p_map (3,) of a target and its cov (3, 3), that of the pose included; None where the
-        robot does not know. Without its depth: as far away as the tag ought to be."""
-        T, cov_pose = self.live.T_map_base, self.live.cov
-        if T is None or cov_pose is None:
-            return None
+        """Of a target; without its depth: as far away as the tag ought to be."""
         k = next(k for k, one in enumerate(self.sky.targets) if one.pair == target.pair)
         p_base, cov = (of[k] for of in self.sky.places())
-        row = self.table.index.get(tag)
-        if not depth and row is not None:
+        row, T = self.table.index.get(tag), self.live.T_map_base
+        if not depth and row is not None and T is not None:
             origin = self.sky.T_base_cam[:3, 3]
             ray, place = p_base - origin, se3.act(se3.inverse(T), self.table.p_map[row])
             p_base = origin + ray * (np.linalg.norm(place - origin) / np.linalg.norm(ray))
+        return self._to_map(p_base, cov)
+
+    def _to_map(self, p_base: Array, cov: Array) -> tuple[Array, Array] | None:
+        """p_map (3,) and its cov (3, 3), that of the pose included; None where the robot does not
+        know where it is."""
+        T, cov_pose = self.live.T_map_base, self.live.cov
+        if T is None or cov_pose is None:
+            return None
         R, lever = T[:3, :3], se3.act_jacobian(T, p_base)
         return se3.act(T, p_base), R @ cov @ R.T + lever @ cov_pose @ lever.T
 
