@@ -96,8 +96,10 @@ def _work(
     line: Connection,
     other_end: Connection,
 ) -> None:
-    """Until the other process closes its end, or is no more. Signals are for that one."""
+    """Until the other process closes its end, or is no more. Signals are for that one, and no
+    question of its has it wait for the answer."""
     other_end.close()
+    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     while True:

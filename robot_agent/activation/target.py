@@ -51,10 +51,11 @@ def targets_of(matches: Matches, left: View, right: View) -> list[Target]:
     on the ray of a spot that only one camera sees.
     """
     chosen = matches.chosen
+    rank = {pair: k for k, pair in enumerate(map(tuple, matches.hypotheses.pairs.tolist()))}
     targets = []
     for k, (i, j) in enumerate(chosen.pairs.tolist()):
         p_tag = 0.5 if matches.ambiguous[k] else 0.9
-        others, weights = _others(matches, i, j, p_tag)
+        others, weights = _others(matches, (i, j), rank[i, j], p_tag)
         targets.append(
             Target(
                 (i, j),
@@ -70,13 +71,14 @@ def targets_of(matches: Matches, left: View, right: View) -> list[Target]:
     return targets
 
 
-def _others(matches: Matches, i: int, j: int, p_tag: float) -> tuple[Array, Array]:
-    fits = matches.hypotheses
-    same = (fits.pairs == np.array([i, j])).all(axis=1)
-    places, p = matches.strays.beside((i, j))
+def _others(matches: Matches, pair: tuple[int, int], row: int, p_tag: float) -> tuple[Array, Array]:
+    """`row`: of the pair among the hypotheses."""
+    p_cam = matches.hypotheses.p_cam
+    places, p = matches.strays.beside(pair)
     # It is lit alone only where the target itself is dark, or not there.
-    weights = np.concatenate([np.ones(len(fits) - same.sum()), p * (1.0 - p_tag) / p_tag])
-    return np.concatenate([fits.p_cam[~same], places]), weights
+    weights = np.ones(len(p_cam) - 1 + len(p))
+    weights[len(p_cam) - 1 :] = p * (1.0 - p_tag) / p_tag
+    return np.concatenate([p_cam[:row], p_cam[row + 1 :], places]), weights
 
 
 def _stereo(left: View, right: View, i: int, j: int) -> Measurement:

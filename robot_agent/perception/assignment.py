@@ -82,6 +82,10 @@ def _gain(pairs: Index, chi2: Array, alone: float) -> float:
 
 def _cheapest(pairs: Index, chi2: Array, alone: float) -> list[int]:
     """Pairs of the best assignment."""
+    if len(pairs) == 2 and (pairs[0] == pairs[1]).any():
+        # Most crowds: two pairs that share a spot.
+        k = int(chi2[1] < chi2[0])
+        return [k] if alone - chi2[k] > 0.0 else []
     from scipy.optimize import linear_sum_assignment
 
     lefts, rows = np.unique(pairs[:, 0], return_inverse=True)

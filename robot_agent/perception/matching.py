@@ -181,8 +181,11 @@ def _place(rig: StereoRig, left: View, right: View, pairs: Index, gate: Gate) ->
     cov_px = np.zeros((len(pairs), 4, 4))
     cov_px[:, :2, :2], cov_px[:, 2:, 2:] = left.cov[i], right.cov[j]
     px = np.concatenate([left.px[i], right.px[j]], axis=-1)
-    p_cam, cov, _ = stereo.triangulate(rig, px, cov_px)
-    _, _, chi2 = stereo.triangulate(rig, px, cov_px + rig.sigma_px**2 * np.eye(4))
+    # Both at once: what they cost is the call.
+    covs = np.concatenate([cov_px, cov_px + rig.sigma_px**2 * np.eye(4)])
+    twice_p, twice_cov, twice_chi2 = stereo.triangulate(rig, np.concatenate([px, px]), covs)
+    n = len(pairs)
+    p_cam, cov, chi2 = twice_p[:n], twice_cov[:n], twice_chi2[n:]
     distance_m = np.linalg.norm(p_cam, axis=-1)
     least_m, most_m = gate.range_m
     order = np.argsort(chi2, kind="stable")

@@ -39,6 +39,8 @@ class Strays:
 
     def beside(self, pair: tuple[int, int]) -> tuple[Array, Array]:
         """p_cam and p of all spots but these (left, right)."""
+        if not len(self.p):
+            return self.p_cam, self.p
         others = self.spot[:, 1] != np.array(pair)[self.spot[:, 0]]
         return self.p_cam[others], self.p[others]
 
@@ -53,17 +55,18 @@ def strays(
 ) -> Strays:
     """p_alone: of each spot that it is alone; matched: pairs (K, 2) of spots that are not, and
     their p_cam (K, 3); unit: sigma of ln brightness from one tag to another."""
-    away_m = _reached(matched[1], away_m)
+    far_m = _far(*_reached(matched[1], away_m))
     places, p, spots = [np.empty((0, 3))], [np.empty(0)], [np.empty((0, 2), np.int64)]
     for side, (lens, T_lens_cam) in enumerate(
         ((rig.left, np.eye(4)), (rig.right, rig.T_right_left))
     ):
         view, pairs = views[side], matched[0]
+        T_cam_lens = se3.inverse(T_lens_cam)
         usual = _usual(view, pairs[:, side], se3.act(T_lens_cam, matched[1]))
         for spot in np.flatnonzero(p_alone[side] > LEAST_P).tolist():
-            p_lens = _ray(lens, view.px[spot], away_m)
+            p_lens = _ray(lens, view.px[spot], far_m)
             likely = _likely(view, spot, p_lens, usual, unit)
-            places.append(se3.act(se3.inverse(T_lens_cam), p_lens))
+            places.append(se3.act(T_cam_lens, p_lens))
             p.append(p_alone[side][spot] * likely / likely.sum())
             spots.append(np.tile(np.array([side, spot]), (len(p_lens), 1)))
     return Strays(np.concatenate(places), np.concatenate(p), np.concatenate(spots))
@@ -77,12 +80,16 @@ def _reached(p_cam: Array, away_m: tuple[float, float]) -> tuple[float, float]:
     return max(away_m[0], least_m), min(away_m[1], most_m)
 
 
-def _ray(lens: Camera, px: Array, away_m: tuple[float, float]) -> Array:
-    """Places (n, 3) of the lens, evenly by the logarithm of their distance."""
-    least_m, most_m = away_m
+def _far(least_m: float, most_m: float) -> Array:
+    """(n,) evenly by the logarithm."""
     n = int(np.ceil(np.log(most_m / least_m) / STEP)) + 1
+    return np.geomspace(least_m, most_m, n)
+
+
+def _ray(lens: Camera, px: Array, far_m: Array) -> Array:
+    """Places (n, 3) of the lens, so far away."""
     ray = np.append(camera.undistort(lens, px), 1.0)
-    along: Array = np.geomspace(least_m, most_m, n)[:, None] * ray / np.linalg.norm(ray)
+    along: Array = far_m[:, None] * ray / np.linalg.norm(ray)
     return along
 
 

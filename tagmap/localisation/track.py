@@ -5,7 +5,7 @@ and after a few of them the sightings since then are asked for a fix of their ow
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -59,6 +59,16 @@ class Live:
     rejected: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class _Looks:
+    """The latest look at each of the tags seen last, out of an edition of the window: `scene` from
+    where the base was then, `pasts` of its sightings."""
+
+    edition: int
+    pasts: Sequence[Past]
+    scene: Scene
+
+
 class Track:
     """Feed the keyframes of one session in order with `step`, new maps with `adopt`."""
 
@@ -79,6 +89,7 @@ class Track:
         self._T_odom_base: Array = np.eye(self._d + 1)
         self._window = Window(sensor.kind, self._thresholds.window)
         self._scene: Scene | None = None
+        self._looks: _Looks | None = None
         self._contradicted = 0
         self._accepted: tuple[str, ...] = ()
         self._rejected: tuple[str, ...] = ()
@@ -89,7 +100,7 @@ class Track:
         """Turn to a new map, moved by T_new_old against the one before (None: not known)."""
         belief, old = self._belief, self._table
         self._table, self._anchored, self._sensor = table, anchored, sensor or self._sensor
-        self._scene = None
+        self._scene = self._looks = None
         if belief is None or T_new_old is None:
             self._belief = None
             return
@@ -212,6 +223,13 @@ class Track:
         """Of the tags seen last, the latest look at each, as if seen from the present base."""
         if self._scene is not None and self._scene.starts_with_different_tags(MOST_LOOKS):
             return self._scene.first(MOST_LOOKS)
+        looks = self._looks
+        if looks is None or looks.edition != self._window.edition:
+            self._looks = looks = self._looked()
+        T, cov = self._ways(looks.pasts)
+        return replace(looks.scene, T_cam_base=T, drift=cov)
+
+    def _looked(self) -> _Looks:
         looks: dict[str, tuple[Past, Measurement]] = {}
         for past in self._window.newest_first():
             for z, tag in zip(*past.seen, strict=True):
@@ -220,16 +238,21 @@ class Track:
             if len(looks) == MOST_LOOKS:
                 break
         pasts, measurements = [past for past, _ in looks.values()], [z for _, z in looks.values()]
-        return self._carried(pasts, measurements, list(looks))
+        scene = self._carried(pasts, measurements, list(looks))
+        return _Looks(self._window.edition, [pasts[k] for k in scene.source.tolist()], scene)
 
     def _carried(
         self, pasts: Sequence[Past], measurements: Sequence[Measurement], tags: Sequence[str]
     ) -> Scene:
         """What each of `pasts` saw, as if from the present base."""
+        T, cov = self._ways(pasts)
+        return look(self._sensor, self._table, measurements, tags, T, cov)
+
+    def _ways(self, pasts: Sequence[Past]) -> tuple[Array, Array]:
+        """T_cam_base of each, of the camera then and the base now, and its covariance."""
         places, d = [past.place for past in pasts], self._d
         T_cam_base = np.array([past.T_cam_base for past in pasts]).reshape(-1, d + 1, d + 1)
-        T, cov = T_cam_base @ self._window.T[places], self._window.cov[places]
-        return look(self._sensor, self._table, measurements, tags, T, cov)
+        return T_cam_base @ self._window.T[places], self._window.cov[places]
 
     def _latest(self, n: int) -> list[Past]:
         """At most n keyframes, and no more than one fix can look through at once."""

@@ -26,13 +26,15 @@ class Past:
 class Window:
     """At most `length` keyframes, oldest first; one more drops the oldest.
 
-    T (n, D, D): T_then_now, cov (n, dof, dof) of it, in the frame of now.
+    T (n, D, D): T_then_now, cov (n, dof, dof) of it, in the frame of now. edition: how often its
+    keyframes have become others.
     """
 
     def __init__(self, kind: Kind, length: int) -> None:
         D, dof = TAG_DOF[kind] + 1, POSE_DOF[kind]
         self._T, self._cov = np.empty((length, D, D)), np.empty((length, dof, dof))
         self._kept: list[tuple[Seen, Array]] = []
+        self.edition = 0
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -52,6 +54,7 @@ class Window:
         n = len(self)
         self._T[n], self._cov[n] = np.eye(self._T.shape[1]), 0.0
         self._kept.append((seen, T_cam_base))
+        self.edition += 1
 
     def move(self, T_step: Array, Ad: Array, cov_step: Array) -> None:
         carrying.carry(T_step, Ad, cov_step, self.T, self.cov)
@@ -60,9 +63,11 @@ class Window:
         n = len(self)
         self._T[: n - 1], self._cov[: n - 1] = self._T[1:n], self._cov[1:n]
         del self._kept[0]
+        self.edition += 1
 
     def clear(self) -> None:
         self._kept.clear()
+        self.edition += 1
 
     def newest_first(self) -> Iterator[Past]:
         for place in range(len(self) - 1, -1, -1):

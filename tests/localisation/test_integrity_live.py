@@ -8,6 +8,7 @@ from tagmap.localisation.integrity.live import MOST_LOOKS, assure
 from tagmap.localisation.integrity.promise import Promise
 from tagmap.localisation.scene import Sensor, TagTable, look
 from tagmap.localisation.track import Track
+from tagmap.records.arrays import matrix
 from tests.localisation import worlds
 
 CASES: list[tuple[Kind, Form]] = [("planar", "range_bearing"), ("spatial", "stereo_px")]
@@ -111,3 +112,23 @@ def test_only_the_latest_looks_count() -> None:
     track.adopt(world.table, True, None)
     track.step(worlds.keyframe(world, 1, None, z, tags))
     assert len(track._latest_looks()) == MOST_LOOKS
+
+
+@pytest.mark.parametrize(("kind", "form"), CASES)
+def test_looks_that_were_kept_are_carried_on_as_others_are(kind: Kind, form: Form) -> None:
+    """Who asks after every step is told what somebody is told who asks but once."""
+    world, rng = _world(kind, 3), np.random.default_rng(5)
+    often, once = Track(world.sensor), Track(world.sensor)
+    for track in (often, once):
+        track.adopt(world.table, True, None)
+    said = []
+    for k, keyframe in enumerate(worlds.drive(world, worlds.circle(kind, 24), rng, form)):
+        for track in (often, once):
+            track.move(keyframe.odom)
+            if k % 3 == 0:
+                track.see(matrix(keyframe.T_base_cam), keyframe.sightings)
+        said.append(often.assurance())
+        if k % 3 == 2:
+            assert said[-1] == once.assurance()
+    assert said[-1].protection_level_m is not None
+    assert len(set(said)) > 20
