@@ -1,21 +1,16 @@
 """How the functions that see every pixel are compiled: into their caller, and only it is cached."""
 
-from typing import cast
-
-import numba
-
-from tagmap.geometry.kernels.compiled import RELAXED, Function
+from tagmap.geometry.kernels.compiled import NO_ENTRY, Function, entry, inlined, made
 from tagmap.geometry.kernels.compiled import compiled as cached
 
-__all__ = ["cached", "compiled", "inlined"]
+__all__ = ["cached", "compiled", "inlined", "internal"]
 
 
 def compiled(function: Function) -> Function:
     """For compiled functions to call; `cached` are those for Python to call."""
-    return cast(Function, numba.njit(error_model="numpy", fastmath=RELAXED)(function))
+    return made(function, entry(function))
 
 
-def inlined(function: Function) -> Function:
-    """As `compiled`, for a function whose arguments take as long to pass as its work."""
-    made = numba.njit(error_model="numpy", fastmath=RELAXED, inline="always")(function)
-    return cast(Function, made)
+def internal(function: Function) -> Function:
+    """As `compiled`, with no way in from Python."""
+    return made(function, NO_ENTRY)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robot_agent.perception.compiled import compiled, inlined
+from robot_agent.perception.compiled import compiled, inlined, internal
 from tagmap.conventions import Array
 
 WIDEST = 31
@@ -89,7 +89,7 @@ class Shape(NamedTuple):
     n: float
 
 
-@compiled
+@internal
 def workspace() -> Work:
     return Work(np.empty((2, WIDEST, WIDEST)), np.empty((6, WIDEST)), np.empty((5, 6)))
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robot_agent.perception import gaussian, scan, sift
-from robot_agent.perception.compiled import cached, compiled, inlined
+from robot_agent.perception.compiled import cached, compiled, inlined, internal
 from robot_agent.perception.flags import Flag
 from robot_agent.perception.scan import peaks, survey
 from robot_agent.perception.sift import noise, starts_at
@@ -58,7 +58,7 @@ class Sensor(NamedTuple):
     sigma_most: float
 
 
-@compiled
+@internal
 def crowd(image: Any, sensor: Any, starts: Array, flags: Index) -> None:
     """Mark those MERGED whose windows overlap others; DROPPED those that are the same spot."""
     n = len(flags)
@@ -94,7 +94,7 @@ def _dips(image: Any, sensor: Any, a: Array, b: Array) -> bool:
     return lesser - between > 4.0 * math.sqrt(noise(sensor, lesser))
 
 
-@compiled
+@internal
 def measure(image: Any, sensor: Any, starts: Array, flags: Index) -> Array:
     """Rows of COLUMNS, one for each start (see sift.starts_at). Adds to `flags`.
 

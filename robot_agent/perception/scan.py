@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_agent.perception.compiled import compiled, inlined
+from robot_agent.perception.compiled import compiled, inlined, internal
 from tagmap.conventions import Array, Index
 
 TILE_PX = 256
@@ -25,7 +25,7 @@ _OUTLIER = 3.0
 """A variance of 15 degrees of freedom is as many times its mean once in ten thousand."""
 
 
-@compiled
+@internal
 def survey(image: Any) -> tuple[Array, float]:
     """Background (tile rows, tile columns) and the variance of its noise, in grey levels.
 
@@ -98,7 +98,7 @@ def peaks(image: Any, background: Array, excess: float, found: Index) -> int:
     bright = np.empty((TILE_ROWS // _BAND_ROWS, background.shape[1]), np.uint8)
     eights = np.empty(TILE_PX // 8, np.uint64)
     crests = eights.view(np.uint8)
-    n = 0
+    n = int(np.int64(0))
     # One row of tiles at a time is still in the fast caches when its blocks are looked at.
     for tile_row in range(background.shape[0]):
         threshold, top = thresholds[tile_row], tile_row * TILE_ROWS

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_agent.perception.compiled import compiled, inlined
+from robot_agent.perception.compiled import compiled, inlined, internal
 from robot_agent.perception.flags import Flag
 from robot_agent.perception.scan import TILE_PX, TILE_ROWS
 from tagmap.conventions import Array, Index
@@ -29,14 +29,14 @@ _OVERSIZED = int(Flag.OVERSIZED)
 _NOISE = -1
 
 
-@compiled
+@internal
 def noise(sensor: Any, level: float) -> float:
     """Variance of a pixel at `level`: light brings shot noise, see spots.Sensor."""
     more = sensor.gain * (level - sensor.reference)
     return float(max(sensor.variance + more, 0.25 * sensor.variance))
 
 
-@compiled
+@internal
 def starts_at(image: Any, background: Array, sensor: Any, peaks: Index) -> tuple[Array, Index]:
     """Of n peaks (row, column): starts (k, 4) as u, v, variance q, level; and flags (k,).
 

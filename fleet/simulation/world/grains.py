@@ -50,7 +50,7 @@ def fall(
 
     `light` (height, width) is 0 before; the n pixels that got any are put into `touched`.
     """
-    n = 0
+    n = int(np.int64(0))
     across = np.empty(light.shape[1])
     for share, width in ((1.0 - halo, sigma), (halo, HALO_WIDTH * sigma)):
         for k in range(len(flux)):

@@ -28,7 +28,7 @@ from tagmap.estimation.kernels.small import (
     transpose,
     transposed_times,
 )
-from tagmap.geometry.kernels.compiled import compiled, inlined
+from tagmap.geometry.kernels.compiled import compiled, inlined, internal
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -52,7 +52,7 @@ class Sensor(NamedTuple):
     B: M
 
 
-@compiled
+@internal
 def as_stated() -> Sensor:
     """A sensor without unknowns."""
     one, zero = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
@@ -60,7 +60,7 @@ def as_stated() -> Sensor:
     return Sensor(1.0, (0.0, 0.0, 0.0, 0.0), 0.0, one, zero, one, none)
 
 
-@compiled
+@internal
 def sensor_of(sighted: Sighted, block: int, calibration: Array) -> Sensor:
     """Of the sightings of that block."""
     scale, disparity, delay, du, dv = 1.0, 0.0, 0.0, 0.0, 0.0
@@ -217,7 +217,7 @@ def _motion(
     return -(s * x + e[0]), -(s * y + e[1]), -(s * z + e[2])
 
 
-@compiled
+@internal
 def scales_of(columns: Index, i: int, calibration: Array) -> tuple[float, float]:
     """Of the lengths and of the turns of one step."""
     length = calibration[columns[i, 0]] if columns[i, 0] >= 0 else 1.0

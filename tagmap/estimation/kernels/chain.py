@@ -20,7 +20,7 @@ from tagmap.estimation.kernels.small import (
     transpose,
     upper,
 )
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 
 
 @compiled
@@ -134,7 +134,7 @@ def _back(L: Array, D: Array, x: Array) -> None:
         y0, y1, y2, y3, y4, y5 = x[i, 0], x[i, 1], x[i, 2], x[i, 3], x[i, 4], x[i, 5]
 
 
-@compiled
+@internal
 def lever(p: Array, t: int, T: Array, i: int) -> V:
     """q of a sighting of tag t from pose i."""
     return p[t, 0] - T[i, 0, 3], p[t, 1] - T[i, 1, 3], p[t, 2] - T[i, 2, 3]

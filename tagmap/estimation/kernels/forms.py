@@ -9,7 +9,7 @@ import math
 
 from tagmap.conventions import Array
 from tagmap.estimation.kernels.small import M, V, times, transposed_times
-from tagmap.geometry.kernels.compiled import compiled, inlined
+from tagmap.geometry.kernels.compiled import inlined, internal
 
 STEREO_PX, MONO_PX, POINT_M, RANGE_BEARING, RANGE_BEARING_PLANAR = 0, 1, 2, 3, 4
 RIG_SIZE = 30
@@ -85,7 +85,7 @@ def residual(form: int, predicted: Four, z: Array, k: int) -> Four:
     return a, b, predicted[2] - z[k, 2], predicted[3] - z[k, 3]
 
 
-@compiled
+@internal
 def whitened(w: Array, k: int, x: Four) -> Four:
     """W x with the lower triangle w[k] (10,) of W, row by row."""
     return (
@@ -96,13 +96,13 @@ def whitened(w: Array, k: int, x: Four) -> Four:
     )
 
 
-@compiled
+@internal
 def inner(a: Four, b: Four) -> float:
     """a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 
 
-@compiled
+@internal
 def columns(a: V, b: V, c: V, d: V, R: M) -> tuple[Four, Four, Four]:
     """The columns of the matrix of rows a, b, c, d, times R."""
     a, b = transposed_times(R, a), transposed_times(R, b)

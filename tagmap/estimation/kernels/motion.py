@@ -4,12 +4,12 @@ import math
 
 from tagmap.conventions import Array
 from tagmap.estimation.kernels.small import M, V, add, cross, product
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 
 _SMALL = 1e-3
 
 
-@compiled
+@internal
 def rotation_of(T: Array) -> M:
     return (
         T[0, 0],
@@ -24,12 +24,12 @@ def rotation_of(T: Array) -> M:
     )
 
 
-@compiled
+@internal
 def position_of(T: Array) -> V:
     return T[0, 3], T[1, 3], T[2, 3]
 
 
-@compiled
+@internal
 def logarithm(R: M, t: V) -> tuple[V, V]:
     """(v, omega) of [R, t]; turns are at most pi."""
     w = rotation_vector(R)
@@ -44,7 +44,7 @@ def logarithm(R: M, t: V) -> tuple[V, V]:
     return v, w
 
 
-@compiled
+@internal
 def rotation_vector(R: M) -> V:
     """By the best conditioned row of its quaternion (Bar-Itzhack 2000)."""
     a, b, c = R[0], R[4], R[8]
@@ -90,7 +90,7 @@ def _cotangent_slope(square: float) -> float:
     return (half * math.cos(half) / sine + half * half / (sine * sine) - 2.0) / (square * square)
 
 
-@compiled
+@internal
 def inverse_right_jacobian(v: V, w: V) -> tuple[M, M]:
     """Its blocks A, B of [[A, B], [0, A]], at the tangent (v, w).
 
@@ -129,7 +129,7 @@ def inverse_right_jacobian(v: V, w: V) -> tuple[M, M]:
     return A, B
 
 
-@compiled
+@internal
 def exponential(v: V, w: V) -> tuple[M, V]:
     """[R, t] of the tangent (v, omega)."""
     x, y, z = w
@@ -156,7 +156,7 @@ def exponential(v: V, w: V) -> tuple[M, V]:
     )
 
 
-@compiled
+@internal
 def right_jacobian(v: V, w: V) -> tuple[M, M]:
     """Its blocks A, B of [[A, B], [0, A]], at the tangent (v, w): the inverse of the one above.
 

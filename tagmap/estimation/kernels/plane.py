@@ -22,7 +22,7 @@ from tagmap.estimation.kernels.small import (
     transposed_times,
     upper,
 )
-from tagmap.geometry.kernels.compiled import compiled, inlined
+from tagmap.geometry.kernels.compiled import compiled, inlined, internal
 
 _SMALL = 1e-2
 # Where the turn stands among three numbers, and among six.
@@ -114,7 +114,7 @@ def _add(A: Array, i: int, K: M) -> None:
     A[i, 5, 5] += K[8]
 
 
-@compiled
+@internal
 def factor(linear: Linear, damping: float, L: Array, D: Array) -> bool:
     """As tagmap.estimation.kernels.chain.factor, with L and D (N, 3, 3)."""
     P = _NOTHING
@@ -136,7 +136,7 @@ def factor(linear: Linear, damping: float, L: Array, D: Array) -> bool:
     return True
 
 
-@compiled
+@internal
 def solve(L: Array, D: Array, x: Array) -> None:
     """x (N, 6) <- A^-1 x, where x has nothing out of the plane."""
     n = len(x)
@@ -177,7 +177,7 @@ def _store(K: M, A: Array, i: int) -> None:
             A[i, a, b] = K[3 * a + b]
 
 
-@compiled
+@internal
 def lift(A: Array, rest: float, out: Array) -> None:
     """Blocks (N, 3, 3) among those of six coordinates, out (N, 6, 6); `rest`: of the others."""
     out[:] = 0.0

@@ -45,7 +45,7 @@ def reduce(
     local = np.zeros((size, size))
     own = np.empty(width, dtype=np.int64)
     place = np.full(len(scale), -1, dtype=np.int64)
-    m = n_pairs = 0
+    m = n_pairs = int(np.int64(0))
     for g in range(len(bounds) - 1):
         begin, end = bounds[g], bounds[g + 1]
         for k in range(linear.first[begin], linear.first[end]):

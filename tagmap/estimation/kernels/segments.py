@@ -19,7 +19,7 @@ from tagmap.estimation.kernels.small import (
     sum_of,
     times_hat,
 )
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 
 # What is cut off from everything else still needs an inverse.
 _REGULAR = 1e-9
@@ -199,7 +199,7 @@ def eliminate(
     Y, Z, previous = np.zeros((6, width)), np.zeros((6, width)), np.zeros((6, width))
     local = np.zeros((width, width))
     S, D, L = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
-    at_place = 0
+    at_place = int(np.int64(0))
     for g in range(len(start) - 1):
         m = start[g + 1] - start[g]
         begin, end = bounds[g], bounds[g + 1]
@@ -266,7 +266,7 @@ def eliminate(
     return True
 
 
-@compiled
+@internal
 def carry(L: Array, previous: Array, used: int, Y: Array) -> None:
     """Y (6, used) -= L previous."""
     for a in range(6):
@@ -281,7 +281,7 @@ def carry(L: Array, previous: Array, used: int, Y: Array) -> None:
             )
 
 
-@compiled
+@internal
 def add_product(D: Array, Y: Array, used: int, Z: Array, local: Array) -> None:
     """local (used, used), its lower triangle, += Y' D Y; Z (6, used) = D Y."""
     for a in range(6):
@@ -307,7 +307,7 @@ def add_product(D: Array, Y: Array, used: int, Z: Array, local: Array) -> None:
             )
 
 
-@compiled
+@internal
 def add_coupling(seen: Array, k: int, q: V, at: int, Y: Array) -> None:
     """What a tag does to its pose: -W, -hat(q) W, into columns at..at + 2 of Y (6, ...)."""
     W = full((seen[k, 0], seen[k, 1], seen[k, 2], seen[k, 3], seen[k, 4], seen[k, 5]))

@@ -30,7 +30,7 @@ from tagmap.estimation.kernels.small import (
     times_hat,
     transpose,
 )
-from tagmap.geometry.kernels.compiled import compiled, inlined
+from tagmap.geometry.kernels.compiled import compiled, inlined, internal
 
 PLAIN, KEEP, CUT = -2.0, -1.0, math.inf
 
@@ -154,7 +154,7 @@ def condensed(w: float, scale: float, x: Four, y: Four, z: Four, r: Four) -> tup
     ), g
 
 
-@compiled
+@internal
 def truncated(square: float, c2: float, mu: float) -> float:
     """Weight 0..1 of a squared residual: see tagmap.estimation.robust."""
     if mu == math.inf:
@@ -210,7 +210,7 @@ def add_to_tag(D: Array, g3: Array, t: int, W: S, g: V) -> None:
             n += 1
 
 
-@compiled
+@internal
 def mirror(A: Array) -> None:
     """The lower triangle from the upper one."""
     for a in range(len(A)):

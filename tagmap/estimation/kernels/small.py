@@ -3,34 +3,34 @@
 V (3,); M (9,) row by row; S (6,) the upper triangle of a symmetric matrix, row by row.
 """
 
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import internal
 
 V = tuple[float, float, float]
 M = tuple[float, float, float, float, float, float, float, float, float]
 S = tuple[float, float, float, float, float, float]
 
 
-@compiled
+@internal
 def cross(a: V, b: V) -> V:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@internal
 def add(a: V, b: V) -> V:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@compiled
+@internal
 def subtract(a: V, b: V) -> V:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@compiled
+@internal
 def scaled(f: float, a: V) -> V:
     return f * a[0], f * a[1], f * a[2]
 
 
-@compiled
+@internal
 def scaled_matrix(f: float, A: M) -> M:
     return (
         f * A[0],
@@ -45,17 +45,17 @@ def scaled_matrix(f: float, A: M) -> M:
     )
 
 
-@compiled
+@internal
 def scaled_symmetric(f: float, A: S) -> S:
     return f * A[0], f * A[1], f * A[2], f * A[3], f * A[4], f * A[5]
 
 
-@compiled
+@internal
 def dot(a: V, b: V) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@internal
 def times(A: M, x: V) -> V:
     """A x."""
     return (
@@ -65,7 +65,7 @@ def times(A: M, x: V) -> V:
     )
 
 
-@compiled
+@internal
 def transposed_times(A: M, x: V) -> V:
     """A' x."""
     return (
@@ -75,7 +75,7 @@ def transposed_times(A: M, x: V) -> V:
     )
 
 
-@compiled
+@internal
 def symmetric_times(A: S, x: V) -> V:
     """A x."""
     return (
@@ -85,22 +85,22 @@ def symmetric_times(A: S, x: V) -> V:
     )
 
 
-@compiled
+@internal
 def transpose(A: M) -> M:
     return A[0], A[3], A[6], A[1], A[4], A[7], A[2], A[5], A[8]
 
 
-@compiled
+@internal
 def full(A: S) -> M:
     return A[0], A[1], A[2], A[1], A[3], A[4], A[2], A[4], A[5]
 
 
-@compiled
+@internal
 def upper(A: M) -> S:
     return A[0], A[1], A[2], A[4], A[5], A[8]
 
 
-@compiled
+@internal
 def sum_of(A: M, B: M) -> M:
     return (
         A[0] + B[0],
@@ -115,7 +115,7 @@ def sum_of(A: M, B: M) -> M:
     )
 
 
-@compiled
+@internal
 def difference_of(A: M, B: M) -> M:
     return (
         A[0] - B[0],
@@ -130,7 +130,7 @@ def difference_of(A: M, B: M) -> M:
     )
 
 
-@compiled
+@internal
 def product(A: M, B: M) -> M:
     """A B."""
     return (
@@ -146,7 +146,7 @@ def product(A: M, B: M) -> M:
     )
 
 
-@compiled
+@internal
 def times_hat(A: M, q: V) -> M:
     """A hat(q), with hat(q) x = q x x."""
     x, y, z = q
@@ -163,7 +163,7 @@ def times_hat(A: M, q: V) -> M:
     )
 
 
-@compiled
+@internal
 def hat_times(q: V, A: M) -> M:
     """hat(q) A."""
     x, y, z = q
@@ -180,7 +180,7 @@ def hat_times(q: V, A: M) -> M:
     )
 
 
-@compiled
+@internal
 def inverse(A: S) -> tuple[bool, S]:
     """Whether A is positive definite, and its inverse if so."""
     a, b, c = A[3] * A[5] - A[4] * A[4], A[2] * A[4] - A[1] * A[5], A[1] * A[4] - A[2] * A[3]

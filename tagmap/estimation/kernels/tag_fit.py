@@ -20,7 +20,7 @@ from tagmap.estimation.kernels.small import (
     transpose,
     upper,
 )
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 
 _CANDIDATES, _VOTERS = 24, 100
 _SETTLED = 1e-4
@@ -42,7 +42,7 @@ def to_map(pose: Index, p_base: Array, information: Array, T: Array, p: Array, i
             info[k, n] = turned[n]
 
 
-@compiled
+@internal
 def well_conditioned(W: S, d: int, least: float) -> bool:
     """Whether every one of the first d directions is known at least `least` as well as the best.
 

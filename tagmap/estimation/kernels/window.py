@@ -231,7 +231,7 @@ def _linearise(
         window.step_weight,
         window.next_step_weight,
         window.step_r2,
-        True,
+        bool(np.bool_(True)),
         linear,
     )
     rest = _add_hold(window, T)
@@ -343,7 +343,14 @@ def refit_tags(window: Window, p: Array, information: Array, support: Array) -> 
     linear.tag_gradient[:] = 0.0
     none = linear.calibration_gradient
     linearise_sightings(
-        sighted, none, KEEP, window.weight, window.next_weight, window.r2, True, linear
+        sighted,
+        none,
+        KEEP,
+        window.weight,
+        window.next_weight,
+        window.r2,
+        bool(np.bool_(True)),
+        linear,
     )
     for k in range(len(window.r2)):
         support[sighted.tag[k]] += window.next_weight[k]

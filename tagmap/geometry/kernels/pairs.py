@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 from tagmap.geometry.kernels.lens import see, unbend
 
 _STEPS = 6
@@ -21,7 +21,7 @@ def project(left: Array, right: Array, T: Array, p: Array, px: Array, J: Array) 
         see_both(left, right, T, p[i], moved, px[i], J[i])
 
 
-@compiled
+@internal
 def see_both(
     left: Array, right: Array, T: Array, p: Array, moved: Array, px: Array, J: Array
 ) -> None:

@@ -49,5 +49,7 @@ def paired(theta: Array, p: Array) -> tuple[tuple[int, ...], Array, Array]:
     shape = theta.shape[:-1]
     if p.shape[:-1] != shape:
         shape = np.broadcast_shapes(shape, p.shape[:-1])
-        theta, p = np.broadcast_to(theta, (*shape, 2)), np.broadcast_to(p, (*shape, 3))
+        # Copied: for rows that cannot be written to kernels would be compiled once more.
+        theta = np.array(np.broadcast_to(theta, (*shape, 2)))
+        p = np.array(np.broadcast_to(p, (*shape, 3)))
     return shape, rows(theta), rows(p)

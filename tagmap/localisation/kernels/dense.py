@@ -3,10 +3,10 @@
 import math
 
 from tagmap.conventions import Array
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 
 
-@compiled
+@internal
 def multiply(A: Array, B: Array, out: Array) -> None:
     """out (n, m) = A (n, k) B (k, m); `out` may be neither."""
     for i in range(out.shape[0]):
@@ -17,7 +17,7 @@ def multiply(A: Array, B: Array, out: Array) -> None:
             out[i, j] = total
 
 
-@compiled
+@internal
 def multiply_transposed(A: Array, B: Array, out: Array) -> None:
     """out (n, m) = A (n, k) B^T, B (m, k)."""
     for i in range(out.shape[0]):
@@ -55,7 +55,7 @@ def invert(A: Array, out: Array) -> None:
                     out[j, m] -= factor * out[i, m]
 
 
-@compiled
+@internal
 def cholesky(S: Array) -> bool:
     """The lower factor of S (n, n) in its place; False where there is none."""
     for j in range(len(S)):
@@ -72,7 +72,7 @@ def cholesky(S: Array) -> bool:
     return True
 
 
-@compiled
+@internal
 def form_of_inverse(S: Array, r: Array) -> float:
     """r^T S^-1 r of a symmetric S (n, n), which is used up."""
     n = len(r)

@@ -5,14 +5,9 @@ where the call disappears the counting does. Kernels that are large stay `compil
 that they are copied to costs time to compile.
 """
 
-from typing import cast
-
-import numba
-
-from tagmap.geometry.kernels.compiled import RELAXED, Function
+from tagmap.geometry.kernels.compiled import Function, entry, made
 
 
 def inlined(function: Function) -> Function:
     """`function`, compiled as `compiled` does it, into each kernel that calls it."""
-    made = numba.njit(cache=True, error_model="numpy", fastmath=RELAXED, forceinline=True)(function)
-    return cast(Function, made)
+    return made(function, entry(function), cache=True, forceinline=True)

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from tagmap.conventions import Array, Index
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 from tagmap.localisation.kernels.motion import Pose, store
 
 Six = tuple[float, float, float, float, float, float]
@@ -208,7 +208,7 @@ def _polish(d: Three, m: Three, a: Three) -> Three:
     return d
 
 
-@compiled
+@internal
 def frame(a: Three, b: Three, c: Three) -> Nine:
     """An orthonormal right-handed frame of a triangle, its vectors one after another."""
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -221,7 +221,7 @@ def frame(a: Three, b: Three, c: Three) -> Nine:
     return x, y, z, q * z - r * y, r * x - p * z, p * y - q * x, p, q, r
 
 
-@compiled
+@internal
 def place(rays: Triangle, p: Triangle, map_frame: Nine, x: float, y: float, z: float) -> Pose:
     """T_map_cam that lays the points at distances x, y, z along the rays on the points p, frame on
     frame and centre on centre."""
@@ -261,7 +261,7 @@ def _dot(a: Three, b: Three) -> float:
     return product
 
 
-@compiled
+@internal
 def distances(m: Three, a: Three, nearly: bool, d: Array) -> int:
     """Fill d (4, 3) with all positive solutions of the three laws of cosines; their number.
 
@@ -295,7 +295,7 @@ def distances(m: Three, a: Three, nearly: bool, d: Array) -> int:
     return n
 
 
-@compiled
+@internal
 def along(rays: Triangle, p: Triangle, nearly: bool, d: Array) -> int:
     """Fill d (4, 3) with the distances at which points p lie on unit rays; how many there are."""
     a01, a02, a12 = _square(p[0], p[1]), _square(p[0], p[2]), _square(p[1], p[2])
@@ -316,7 +316,7 @@ def along(rays: Triangle, p: Triangle, nearly: bool, d: Array) -> int:
     return n
 
 
-@compiled
+@internal
 def corners(a: Array, s: int) -> Triangle:
     """a[s] of a (S, 3, 3)."""
     return (

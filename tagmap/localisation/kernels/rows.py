@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from tagmap.conventions import Array, Mask
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 from tagmap.localisation.kernels.dense import cholesky
 
 
@@ -27,7 +27,7 @@ def place(T_map_base: Array, p_map: Array, T_cam_base: Array, p_base: Array, p_c
                 p_cam[n, i] += T_cam_base[n, i, j] * p_base[n, j]
 
 
-@compiled
+@internal
 def lever(J: Array, p: Array, H: Array) -> None:
     """H (k, dof) = -J [I, -hat(p)], J (k, d) by a point p (d,) of base: by the pose of base."""
     d = len(p)
@@ -42,7 +42,7 @@ def lever(J: Array, p: Array, H: Array) -> None:
             H[i, 5] = J[i, 0] * p[1] - J[i, 1] * p[0]
 
 
-@compiled
+@internal
 def whiten(L: Array, x: Array) -> None:
     """x (k, m) becomes L^-1 x."""
     for i in range(len(x)):

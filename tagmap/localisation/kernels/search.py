@@ -40,7 +40,7 @@ class Room(NamedTuple):
 
 
 @inlined
-def search(view: View, dof: int, bound: float, room: Room, cov: Array) -> tuple[int, int]:
+def _search(view: View, dof: int, bound: float, room: Room, cov: Array) -> tuple[int, int]:
     """Number of poses found within ALIVE_CHI2 of the best, and flags; the poses are in room.found,
     cov (6, 6) is the best one's. bound: the chi2 above which a pose is a misfit.
     """
@@ -102,7 +102,7 @@ def batch(
     chi2: Array,
     counts: Index,
 ) -> None:
-    """`search` for S views: p (S, N, 3), ... in; T (S, 4, 4, 4), cov (S, 6, 6), chi2 (S, 4),
+    """`_search` for S views: p (S, N, 3), ... in; T (S, 4, 4, 4), cov (S, 6, 6), chi2 (S, 4),
     counts (3, S) of poses, degrees of freedom, flags out. What is not found is NaN. A first axis
     of 1: alike in all views. chi2_bound (k,), by degrees of freedom.
     """
@@ -121,7 +121,7 @@ def batch(
         if good:
             view = View(rows, n, soft, known, extra > 0, rig)
             bound = chi2_bound[max(min(dof, len(chi2_bound) - 1), 0)]
-            alive, flags = search(view, dof, bound, room, cov[s])
+            alive, flags = _search(view, dof, bound, room, cov[s])
         counts[0, s], counts[1, s], counts[2, s] = alive, dof, flags
         if alive == 0:
             cov[s] = np.nan

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tagmap.conventions import Array
-from tagmap.geometry.kernels.compiled import compiled
+from tagmap.geometry.kernels.compiled import compiled, internal
 from tagmap.localisation.kernels.inlined import inlined
 from tagmap.localisation.kernels.motion import Pose
 from tagmap.localisation.kernels.p3p import Triangle, frame, place
@@ -114,7 +114,7 @@ def widest(view: View, stage: Stage, skip: int, least: float) -> tuple[int, int,
     return first, second, third
 
 
-@compiled
+@internal
 def triangle(a: Array, i: int, j: int, k: int) -> Triangle:
     """The first three columns of three rows."""
     return (

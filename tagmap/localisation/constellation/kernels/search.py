@@ -84,7 +84,7 @@ def search(
     pair, apart = chart.pair, chart.apart
     desk = new_desk(n)
     tag = np.full(n, SKIPPED)
-    passed = tried = steps = 0
+    passed = tried = steps = int(np.int64(0))
     for first in range(skips + 1):
         for second in range(first + 1, skips + 2):
             at[_TAG, :second] = SKIPPED
