@@ -2,6 +2,8 @@
 
 Whatever is compiled is kept on the disk, where Numba keeps it. A stamp beside it says which code it
 was; with other code it is rehearsed again, which takes long only for what has changed.
+
+`python -m fleet.running.kernels` does it on its own: the last step of an installation.
 """
 
 import hashlib
@@ -13,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, cast
 
 from fleet.running.child import Child
 from fleet.running.reaper import Reaper
@@ -29,13 +32,14 @@ Line = Callable[[str], None]
 
 def prepare(say: Line, stopped: Callable[[], bool] = lambda: False) -> None:
     """At once where that was done before. Raises TagmapError with the reason when it fails."""
-    stamp, code = _cache() / STAMP, fingerprint()
-    if stamp.exists() and stamp.read_text() == code:
+    kept, code = _cache(), fingerprint()
+    stamp = kept / STAMP if kept else None
+    if stamp and stamp.exists() and stamp.read_text() == code:
         return
-    say("compiling what robots and service run, once on this machine: some minutes")
+    say("compiling what robots and service run, once on this machine: a minute or two")
     with tempfile.TemporaryDirectory(prefix="fleet-rehearsal-") as folder:
         _rehearse(Path(folder), say, stopped)
-    if not stopped():
+    if stamp and not stopped():
         # Where nothing can be kept, it is rehearsed each time.
         with suppress(OSError):
             stamp.parent.mkdir(parents=True, exist_ok=True)
@@ -89,13 +93,26 @@ def _sources() -> Iterator[Path]:
     return (path for path in sorted(paths) if b"compiled" in path.read_bytes())
 
 
-def _cache() -> Path:
-    """Where Numba is told to keep what it compiles, else where it does with most of it."""
-    told = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(told) if told else ROOT / "tagmap" / "geometry" / "kernels" / "__pycache__"
+def _cache() -> Path | None:
+    """Where Numba is told to keep what it compiles, else where it does with some of it."""
+    from tagmap.geometry.kernels import lie
+
+    told = os.environ.get("NUMBA_CACHE_DIR") or cast(Any, lie.rotations).stats.cache_path
+    return Path(told) if told else None
 
 
 def _compiled() -> int:
-    told = os.environ.get("NUMBA_CACHE_DIR")
-    rooms = [Path(told)] if told else [ROOT / room for room in ROOMS]
+    kept = _cache()
+    if kept is None:
+        return 0
+    beside = [ROOT / room for room in ROOMS] if kept.is_relative_to(ROOT) else []
+    # Of all folders that it keeps elsewhere one is beside the other.
+    rooms = beside or [kept if "NUMBA_CACHE_DIR" in os.environ else kept.parent]
     return sum(1 for room in rooms for _ in room.rglob("*.nbc"))
+
+
+if __name__ == "__main__":
+    try:
+        prepare(lambda line: print(line, file=sys.stderr, flush=True))
+    except TagmapError as error:
+        sys.exit(f"not compiled yet: {error}")

@@ -5,6 +5,7 @@ they have seen; or all of a scenario. Side by side they take little more than ha
 finds on the disk what the other has compiled.
 """
 
+import gc
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -49,8 +50,12 @@ def rehearse_site(folder: Path) -> None:
     play(build_world(scenario, scenario.seed, START_NS), folder)
 
 
+# Compilers make more objects than anything else here, and few that need collecting.
+SELDOM = (100_000, 20, 50)
+
 PARTS: dict[str, Callable[[Path], None]] = {"map": rehearse_map, "site": rehearse_site}
 
 
 if __name__ == "__main__":
+    gc.set_threshold(*SELDOM)
     PARTS[sys.argv[1]](Path(sys.argv[2]))

@@ -35,6 +35,13 @@ def test_once_on_a_machine_and_again_for_other_code(rehearsed, monkeypatch, tmp_
     assert len(rehearsed) == 3
 
 
+def test_where_nothing_can_be_kept_it_is_done_each_time(rehearsed, monkeypatch):
+    monkeypatch.setattr(kernels, "_cache", lambda: None)
+    kernels.prepare(lambda _: None)
+    kernels.prepare(lambda _: None)
+    assert len(rehearsed) == 2
+
+
 def test_what_was_ended_early_is_not_done(rehearsed):
     kernels.prepare(lambda _: None, lambda: True)
     kernels.prepare(lambda _: None)
