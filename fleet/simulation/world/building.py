@@ -9,7 +9,7 @@ import numpy.typing as npt
 from fleet.simulation.open3d_library import open3d
 from fleet.simulation.scenario.building import Box, Door, Mirror, Wall
 from fleet.simulation.scenario.description import Scenario
-from tagmap.conventions import Array
+from tagmap.conventions import Array, Mask
 from tagmap.errors import ConfigError
 
 ON_WALL_M = 0.05
@@ -69,6 +69,17 @@ def mirror_corners(mirror: Mirror) -> Array:
     return np.array(
         [centre - across - up, centre + across - up, centre + across + up, centre - across + up]
     )
+
+
+def is_inside(box: Box, p: Array) -> Mask:
+    """(N,): which of p (N, 3) in m are in its volume."""
+    angle = np.deg2rad(box.heading_deg)
+    c, s = np.cos(angle), np.sin(angle)
+    off = (p[:, :2] - box.centre_m) @ np.array([[c, -s], [s, c]])
+    beside = (np.abs(off) <= 0.5 * np.array(box.size_m[:2])).all(axis=1)
+    up = p[:, 2] - box.bottom_m
+    inside: Mask = beside & (up >= 0.0) & (up <= box.size_m[2])
+    return inside
 
 
 def _inner(wall: Wall, doors: tuple[Door, ...]) -> list[Array]:

@@ -8,6 +8,7 @@ from fleet.simulation.hall import tag_id
 from fleet.simulation.scenario.description import Scenario
 from fleet.simulation.scenario.fields import TagRef
 from fleet.simulation.scenario.tags import Grid, Scatter
+from fleet.simulation.world.building import is_inside
 from fleet.simulation.world.sight import Sight
 from tagmap.conventions import Array
 from tagmap.errors import ConfigError
@@ -15,6 +16,7 @@ from tagmap.errors import ConfigError
 EYE_M = 1.0
 """Ceilings and walls are looked for from so high above the floor."""
 OFF_WALL_M = 0.03
+OFF_BOX_M = 0.01
 DRAWS = 200
 """Places tried for each tag that hangs at random."""
 
@@ -41,12 +43,14 @@ class Hanging:
 def hang(scenario: Scenario, sight: Sight, rng: np.random.Generator) -> Hanging:
     """Raises ConfigError where there is no room for what is asked for."""
     tags = scenario.tags
+    for k, tag in enumerate(tags.tag):
+        _check_inside(tag.p_m, sight, f"tags.tag[{k}].p_m")
     p = [np.array(tag.p_m) for tag in tags.tag]
     normals = [np.array(tag.normal) / np.linalg.norm(tag.normal) for tag in tags.tag]
     for k, grid in enumerate(tags.grid):
-        _extend(p, normals, _grid(grid, sight, rng), f"tags.grid[{k}]")
+        _extend(p, normals, _grid(grid, scenario, sight, rng), f"tags.grid[{k}]")
     for k, scatter in enumerate(tags.scatter):
-        places = _ceiling(scatter, sight, rng) if scatter.on == "ceiling" else None
+        places = _ceiling(scatter, scenario, sight, rng) if scatter.on == "ceiling" else None
         _extend(p, normals, places or _walls(scatter, sight, rng), f"tags.scatter[{k}]")
     names = [tag.epc for tag in tags.tag] + [None] * (len(p) - len(tags.tag))
     named = tuple(name or tag_id(number) for number, name in enumerate(names, 1))
@@ -54,6 +58,14 @@ def hang(scenario: Scenario, sight: Sight, rng: np.random.Generator) -> Hanging:
     if twice:
         raise ConfigError(f"tags.tag: two have the EPC {twice[0]}; one event can duplicate a tag")
     return Hanging(named, np.array(p), np.array(normals))
+
+
+def _check_inside(p_m: tuple[float, float, float], sight: Sight, where: str) -> None:
+    least, most = sight.least_m - OFF_WALL_M, sight.most_m + OFF_WALL_M
+    if not (np.all(least <= p_m) and np.all(p_m <= most)):
+        sides = zip("xyz", sight.least_m, sight.most_m, strict=True)
+        expected = ", ".join(f"{axis} from {low:.2f} to {high:.2f} m" for axis, low, high in sides)
+        raise ConfigError(f"{where}: {list(p_m)} is outside of the building, expected {expected}")
 
 
 def corners(p: Array) -> list[int]:
@@ -74,7 +86,7 @@ def _extend(p: list[Array], normals: list[Array], places: Places, where: str) ->
     normals += [normal for _, normal in places]
 
 
-def _grid(grid: Grid, sight: Sight, rng: np.random.Generator) -> Places:
+def _grid(grid: Grid, scenario: Scenario, sight: Sight, rng: np.random.Generator) -> Places:
     low, high = sight.least_m[:2] + grid.margin_m, sight.most_m[:2] - grid.margin_m
     x, y = (
         np.linspace(a, b, n) if n > 1 else np.array([0.5 * (a + b)])
@@ -82,12 +94,14 @@ def _grid(grid: Grid, sight: Sight, rng: np.random.Generator) -> Places:
     )
     at = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     at = at + grid.jitter_m * rng.uniform(-1.0, 1.0, at.shape)
-    return _above(at, rng.uniform(*grid.drop_m, len(at)), sight)
+    return _above(at, rng.uniform(*grid.drop_m, len(at)), scenario, sight)
 
 
-def _above(at: Array, drop: Array, sight: Sight) -> Places:
-    """Under the ceiling over at (N, 2), where there is one."""
+def _above(at: Array, drop: Array, scenario: Scenario, sight: Sight) -> Places:
+    """Under the ceiling over at (N, 2), where there is one; nothing hangs inside of a box."""
     eye = np.column_stack([at, np.full(len(at), EYE_M)])
+    for box in sorted(scenario.building.box, key=lambda box: box.bottom_m):
+        eye[is_inside(box, eye), 2] = box.bottom_m + box.size_m[2] + OFF_BOX_M
     up, _ = sight.first(eye, np.tile([0.0, 0.0, 1.0], (len(at), 1)))
     down, _ = sight.first(eye, np.tile([0.0, 0.0, -1.0], (len(at), 1)))
     inside = np.isfinite(up) & np.isfinite(down)
@@ -95,10 +109,13 @@ def _above(at: Array, drop: Array, sight: Sight) -> Places:
     return [(place, np.array([0.0, 0.0, -1.0])) for place in p[inside]]
 
 
-def _ceiling(scatter: Scatter, sight: Sight, rng: np.random.Generator) -> Places:
+def _ceiling(
+    scatter: Scatter, scenario: Scenario, sight: Sight, rng: np.random.Generator
+) -> Places:
     def draw(n: int) -> Places:
         low, high = sight.least_m[:2] + scatter.margin_m, sight.most_m[:2] - scatter.margin_m
-        return _above(rng.uniform(low, high, (n, 2)), rng.uniform(*scatter.drop_m, n), sight)
+        at, drop = rng.uniform(low, high, (n, 2)), rng.uniform(*scatter.drop_m, n)
+        return _above(at, drop, scenario, sight)
 
     return _apart(scatter, draw(DRAWS * scatter.count))
 

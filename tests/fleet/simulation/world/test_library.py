@@ -10,7 +10,7 @@ from fleet.simulation.world.build import build_world
 from fleet.simulation.world.reach import reachable
 
 START_NS = 1_770_000_000 * 10**9
-LEAST_SHARE = {"hall-small": 1.0, "warehouse": 0.8, "merge": 0.8}
+LEAST_SHARE = {"hall-small": 1.0, "warehouse": 1.0, "merge": 0.8}
 """Of their tags that robots can identify; 0.9 where nothing else is said."""
 
 

@@ -211,3 +211,24 @@ def test_reachable_is_what_is_in_sight_near_and_lit_from_a_stop(world_of):
     assert reachable(near) == set()
     dark = world_of(wall + tags + STANDS + "[laser]\npower_w = 1e-6\n")
     assert reachable(dark) == set()
+
+
+def test_no_tag_of_a_grid_hangs_inside_of_a_box(world_of):
+    """But above it, under the ceiling."""
+    world = world_of(
+        """
+        [building]
+        room = [{ size_m = [10, 8, 3] }]
+        box = [{ centre_m = [5, 4], size_m = [4, 2, 1.8], heading_deg = 90 }]
+        [[tags.grid]]
+        columns = 9
+        rows = 7
+        margin_m = 0.5
+        drop_m = [0.1, 0.2]
+        """
+        + STANDS.replace("[3, 4], [7, 4]", "[2, 1], [2, 7]"),
+        room="",
+    )
+    p = np.array(list(world.tags(START_NS).values()))
+    assert len(p) == 63
+    assert p[:, 2].min() > 2.79
