@@ -1,7 +1,7 @@
 """`fleet run`"""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -70,14 +70,17 @@ def run(
     import time
 
     from fleet.evaluation.scores.scoring import find, score
+    from fleet.running.extras import demand
     from fleet.running.folder import new_folder
     from fleet.virtual.run import SITE_NUMBER
 
     chosen = _scenario(scenario, duration_s, exact, chaos)
+    demand(chosen, live)
     seed, name = chosen.seed if seed is None else seed, chosen.name
     folder = new_folder(out or Path(time.strftime(f"{name}-%Y%m%d-%H%M%S"))).absolute()
     click.echo(f"{name}, seed {seed}: in {folder.name}", err=True)
-    evidence = _played(chosen, seed, folder, live)
+    with _named(scenario, folder):
+        evidence = _played(chosen, seed, folder, live)
     click.echo("judging", err=True)
     findings = find(evidence, SITE_NUMBER)
     report = folder / "report.html"
@@ -123,6 +126,19 @@ def _played(scenario: "Scenario", seed: int, folder: Path, live: bool) -> "Evide
         world = build_world(scenario, seed, START_NS)
         with _progress(world) as tell:
             return play_scenario(world, folder, tell, stopped)
+
+
+@contextmanager
+def _named(source: str, folder: Path) -> Iterator[None]:
+    """What is wrong with a scenario is said with its name, and leaves no empty folder."""
+    from tagmap.errors import ConfigError
+
+    try:
+        yield
+    except ConfigError as error:
+        with suppress(OSError):
+            folder.rmdir()
+        raise ConfigError(f"{source}: {error}") from None
 
 
 @contextmanager
