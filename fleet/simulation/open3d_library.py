@@ -1,4 +1,5 @@
-"""Open3D where it is needed, and only there: it takes a second to import.
+"""Open3D where it is needed, and only there: it takes a second to import, half of it for drawing
+in web pages, which nobody here does.
 
 Its wheels link to libusb, for cameras that nobody here has, and do not bring it. Where the system
 has none, the one of the package libusb-package is loaded first.
@@ -6,9 +7,13 @@ has none, the one of the package libusb-package is loaded first.
 
 import contextlib
 import ctypes
+import sys
 from types import ModuleType
 
 from tagmap.errors import TagmapError
+
+WEB = "open3d.visualization.draw_plotly"
+OF_WEB = ("get_plotly_fig", "draw_plotly", "draw_plotly_server")
 
 
 def open3d() -> ModuleType:
@@ -17,6 +22,9 @@ def open3d() -> ModuleType:
         import libusb_package
 
         ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
+    if WEB not in sys.modules:
+        sys.modules[WEB] = ModuleType(WEB)
+        sys.modules[WEB].__dict__.update(dict.fromkeys(OF_WEB))
     try:
         import open3d as library
     except (ImportError, OSError) as error:
