@@ -161,7 +161,9 @@ def look(
         tag=tag,
         p_map=table.p_map[tag],
         root=table.root[tag],
-        T_cam_base=np.array(np.broadcast_to(each, (len(source), *T_cam_base.shape[-2:]))),
+        T_cam_base=np.array(
+            np.broadcast_to(each, (len(source), *T_cam_base.shape[-2:])), order="C"
+        ),
         cov=cov,
         width=width,
         drift=None if drift is None else drift[source],

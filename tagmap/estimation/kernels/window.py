@@ -94,7 +94,12 @@ NOWHERE = (0.0, 0.0, 0.0, 0.0)
 def reckon(steps: Steps, T: Array) -> None:
     """T (n, 4, 4) from the first one on, by odometry alone."""
     for i in range(len(T) - 1):
-        T[i + 1] = T[i] @ steps.T[steps.row[i]]
+        step = steps.T[steps.row[i]]
+        for a in range(4):
+            for b in range(4):
+                T[i + 1, a, b] = 0.0
+                for c in range(4):
+                    T[i + 1, a, b] += T[i, a, c] * step[c, b]
 
 
 @compiled

@@ -50,6 +50,6 @@ def paired(theta: Array, p: Array) -> tuple[tuple[int, ...], Array, Array]:
     if p.shape[:-1] != shape:
         shape = np.broadcast_shapes(shape, p.shape[:-1])
         # Copied: for rows that cannot be written to kernels would be compiled once more.
-        theta = np.array(np.broadcast_to(theta, (*shape, 2)))
-        p = np.array(np.broadcast_to(p, (*shape, 3)))
+        theta = np.array(np.broadcast_to(theta, (*shape, 2)), order="C")
+        p = np.array(np.broadcast_to(p, (*shape, 3)), order="C")
     return shape, rows(theta), rows(p)
