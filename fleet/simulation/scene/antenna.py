@@ -98,9 +98,13 @@ class Antenna:
         return tag
 
     def _answers(self, tag: Tag, t_ns: int) -> bool:
-        if tag.faults.dead or tag.distance_m(self._reader.p_map) > self._reader.range_m:
+        since_ns = self._scene.lit_since(tag, t_ns)
+        # Nearly all are in the dark.
+        if tag.faults.dead or (since_ns is None and not tag.faults.stray):
             return False
-        if tag.has_power(self._scene.lit_since(tag, t_ns), t_ns):
+        if tag.distance_m(self._reader.p_map) > self._reader.range_m:
+            return False
+        if tag.has_power(since_ns, t_ns):
             return True
         return self._happens(tag.faults.stray, "stray", t_ns, tag)
 

@@ -53,9 +53,10 @@ class Beams:
         self._on[laser] = _Beam({tag: before.get(tag, t_ns) for tag in tags}, until_ns)
 
     def lit_since(self, tag: str, t_ns: int) -> int | None:
-        since = (
-            beam.since_ns[tag]
-            for beam in self._on.values()
-            if tag in beam.since_ns and t_ns < beam.until_ns
-        )
-        return min((at_ns for at_ns in since if at_ns <= t_ns), default=None)
+        first: int | None = None
+        for beam in self._on.values():
+            at_ns = beam.since_ns.get(tag)
+            if at_ns is None or not at_ns <= t_ns < beam.until_ns:
+                continue
+            first = at_ns if first is None else min(first, at_ns)
+        return first

@@ -40,6 +40,8 @@ class Scene:
 
     def lit_since(self, tag: Tag, t_ns: int) -> int | None:
         """Since when the tag has light at `t_ns`, by any source; None: it is dark."""
-        lights = (self._beams, *tag.lights)
-        since = (light.lit_since(tag.name, t_ns) for light in lights)
+        by_beam = self._beams.lit_since(tag.name, t_ns)
+        if not tag.lights:
+            return by_beam
+        since = (by_beam, *(light.lit_since(tag.name, t_ns) for light in tag.lights))
         return min((t for t in since if t is not None), default=None)

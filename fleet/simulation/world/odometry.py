@@ -20,10 +20,11 @@ class DeadReckoning:
         """Epoch, x, y in m, theta in rad, not wrapped."""
         epochs, start_ns = self.motion.epoch, self.motion.start_ns
         k = min(max((t_ns - start_ns) // TICK_NS, 0), len(epochs) - 1)
+        epoch, *following = epochs[k : k + 2].tolist()
         # A tick at whose end another epoch begins is no way from one to the other.
-        is_last = k + 1 < len(epochs) and epochs[k] != epochs[k + 1]
+        is_last = following not in ([], [epoch])
         x, y, theta = (self.pose[k] if is_last else between(self.pose, start_ns, t_ns)).tolist()
-        return int(epochs[k]), x, y, theta
+        return epoch, x, y, theta
 
 
 def reckon(motion: Motion, wrong: Odometry, rng: np.random.Generator) -> DeadReckoning:
