@@ -166,4 +166,9 @@ def _write(report: Path, findings: object, scores: "Scores") -> None:
 def _show(scores: "Scores") -> None:
     from tagmap.cli.show import show_facts
 
-    show_facts(scores.fields())
+    bands = {
+        name: " to ".join(f"{bound:.4f}" for bound in value)
+        for name, value in scores.fields().items()
+        if isinstance(value, tuple)
+    }
+    show_facts(scores.fields() | bands)

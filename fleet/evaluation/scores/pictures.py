@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fleet.evaluation.scores.scoring import Findings
-from fleet.thesis.drawing import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION, picture
+from fleet.thesis.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    log_ticks,
+    picture,
+)
 from tagmap.records import Tag
 from tagmap.records.arrays import covariance
 
@@ -109,6 +120,7 @@ def _growth(findings: Findings, count: "Axes", error: "Axes") -> str:
     ]
     if shown:
         error.semilogy([t for t, _ in shown], [1e3 * e for _, e in shown], color=VERMILION)
+        log_ticks(error)
     error.set(xlabel="time [s]", ylabel="RMSE of tags [mm]")
     return "The map as it grew: tags that it has, and their error after alignment."
 
@@ -132,6 +144,7 @@ def _poses(findings: Findings, axes: "Axes") -> str:
         )
     axes.set(xlabel="time [s]", ylabel="error of live poses [mm]")
     if findings.live:
+        log_ticks(axes)
         axes.legend(loc="upper right")
     for event in findings.evidence.world.scenario.event:
         axes.axvline(event.at_s, color=GREY, lw=0.8, ls=":")
@@ -150,6 +163,8 @@ def _acks(findings: Findings, latency: "Axes", names: "Axes") -> str:
         latency.hist(np.clip(ms, 0.1, None), bins=edges, color=BLUE)
         latency.set_xscale("log")
     latency.set(xlabel="from keyframe to acknowledgement [ms]", ylabel="keyframes")
+    for bars in (latency, names):
+        bars.set_axisbelow(True)
     kinds: dict[str, int] = {}
     for shot in findings.evidence.shots:
         kinds[shot.kind] = kinds.get(shot.kind, 0) + 1

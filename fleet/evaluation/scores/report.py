@@ -69,7 +69,8 @@ def _mm(metres: float | None) -> str:
 
 
 def _figure(name: str, caption: str) -> str:
-    return f'<figure><img src="{name}" alt=""><figcaption>{escape(caption)}</figcaption></figure>'
+    said = escape(caption)
+    return f'<figure><img src="{name}" alt="{said}"><figcaption>{said}</figcaption></figure>'
 
 
 def _mistakes(findings: Findings) -> str:
@@ -103,6 +104,12 @@ def _of(event: Any) -> str:
 
 def _rows(scores: Scores) -> Iterator[str]:
     for name, value in scores.fields().items():
-        shown = f"{value:.6g}" if isinstance(value, float) else str(value)
-        said = "none" if value is None else escape(shown)
-        yield f"<tr><th>{escape(name)}</th><td>{said}</td></tr>"
+        yield f"<tr><th>{escape(name)}</th><td>{escape(_shown(value))}</td></tr>"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, tuple):
+        return " to ".join(map(_shown, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
