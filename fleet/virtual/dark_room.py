@@ -9,7 +9,7 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection
 from typing import TypeAlias
@@ -102,10 +102,8 @@ def _work(
     os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
-    while True:
-        try:
+    with suppress(EOFError, ConnectionError):
+        while True:
             name, t_ns = line.recv()
-        except EOFError:
-            return
-        world.robots[name].images(t_ns, onto=frames[name])
-        line.send((name, t_ns))
+            world.robots[name].images(t_ns, onto=frames[name])
+            line.send((name, t_ns))

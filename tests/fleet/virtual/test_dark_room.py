@@ -41,6 +41,20 @@ def test_they_are_those_that_the_robot_itself_would_make(world):
 
 
 @pytest.mark.usefixtures("two_cores")
+@pytest.mark.parametrize("is_made", [False, True])
+def test_what_nobody_asks_for_any_more_ends_in_order(world, is_made):
+    (robot,) = world.robots.values()
+    with dark_room(world) as room:
+        expose = room.of(robot)
+        expose(world.start_ns + 250_000_000)
+        if is_made:
+            expose(world.start_ns + 500_000_000)()
+        expose(world.start_ns + 750_000_000)
+        (child,) = multiprocessing.active_children()
+    assert child.exitcode == 0
+
+
+@pytest.mark.usefixtures("two_cores")
 def test_a_process_that_is_no_more_is_told_of(world):
     (robot,) = world.robots.values()
     with dark_room(world) as room:
