@@ -29,7 +29,7 @@ _OVERSIZED = int(Flag.OVERSIZED)
 _NOISE = -1
 
 
-@internal
+@compiled
 def noise(sensor: Any, level: float) -> float:
     """Variance of a pixel at `level`: light brings shot noise, see spots.Sensor."""
     more = sensor.gain * (level - sensor.reference)
