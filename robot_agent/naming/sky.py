@@ -8,14 +8,13 @@ place look otherwise from elsewhere, so whoever compares places over motion or w
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-import numpy as np
 from msgspec.structs import replace
 
 from robot_agent.activation.target import Target, targets_of
 from robot_agent.naming.named import Named
 from robot_agent.perception.matching import Matches, View, match
-from tagmap.conventions import Array, Index
-from tagmap.geometry import se3, stereo
+from tagmap.conventions import Array
+from tagmap.geometry import se3
 from tagmap.geometry.stereo import StereoRig
 from tagmap.records.keyframe import Measurement, Sighting
 
@@ -99,17 +98,7 @@ class Sky:
         found: Matches = match(self.rig, self.left, self.right, false_pairs=self.false)
         self.targets = targets_of(found, self.left, self.right)
         self.p_cam = found.chosen.p_cam
-        self.wide = _wide(self.rig, self.left, self.right, found.chosen.pairs)
-
-
-def _wide(rig: StereoRig, left: View, right: View, pairs: Index) -> Array:
-    """(N, 3, 3)"""
-    i, j = pairs.T
-    cov_px = np.zeros((len(pairs), 4, 4))
-    cov_px[:, :2, :2], cov_px[:, 2:, 2:] = left.cov[i], right.cov[j]
-    px = np.concatenate([left.px[i], right.px[j]], axis=-1)
-    _, wide, _ = stereo.triangulate(rig, px, cov_px + rig.sigma_px**2 * np.eye(4))
-    return wide
+        self.wide = found.chosen.wide
 
 
 def cautious(z: Measurement, sigma_px: float) -> Measurement:

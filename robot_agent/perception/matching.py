@@ -49,12 +49,14 @@ class Candidates:
 
     pairs (K, 2)     indices (left, right)
     p_cam (K, 3)     most likely positions in m, with cov (K, 3, 3), both from the spots alone
+    wide (K, 3, 3)   cov with what the rig may be off as well
     chi2 (K,)        by the spots' covariances and what the rig may be off, and by their fluxes
     """
 
     pairs: Index
     p_cam: Array
     cov: Array
+    wide: Array
     chi2: Array
 
     def __len__(self) -> int:
@@ -62,7 +64,11 @@ class Candidates:
 
     def at(self, chosen: Index | Mask) -> "Candidates":
         return Candidates(
-            self.pairs[chosen], self.p_cam[chosen], self.cov[chosen], self.chi2[chosen]
+            self.pairs[chosen],
+            self.p_cam[chosen],
+            self.cov[chosen],
+            self.wide[chosen],
+            self.chi2[chosen],
         )
 
 
@@ -185,9 +191,9 @@ def _place(rig: StereoRig, left: View, right: View, pairs: Index, gate: Gate) ->
     covs = np.concatenate([cov_px, cov_px + rig.sigma_px**2 * np.eye(4)])
     twice_p, twice_cov, twice_chi2 = stereo.triangulate(rig, np.concatenate([px, px]), covs)
     n = len(pairs)
-    p_cam, cov, chi2 = twice_p[:n], twice_cov[:n], twice_chi2[n:]
+    p_cam, cov, wide, chi2 = twice_p[:n], twice_cov[:n], twice_cov[n:], twice_chi2[n:]
     distance_m = np.linalg.norm(p_cam, axis=-1)
     least_m, most_m = gate.range_m
     order = np.argsort(chi2, kind="stable")
     seen = ((distance_m >= least_m) & (distance_m <= most_m))[order]
-    return Candidates(pairs, p_cam, cov, chi2).at(order[seen])
+    return Candidates(pairs, p_cam, cov, wide, chi2).at(order[seen])
