@@ -81,10 +81,11 @@ def locate(rig: StereoRig, views: Views, known: Known = NOTHING) -> Poses:
     cov_map = np.zeros((1, 0, 3, 3)) if views.cov_map is None else views.cov_map
     search.batch(
         *camera_arrays(rig),
-        views.p_map,
-        views.z_px,
-        views.information,
-        cov_map,
+        # It is compiled for one layout of arrays, which takes ten seconds.
+        np.ascontiguousarray(views.p_map),
+        np.ascontiguousarray(views.z_px),
+        np.ascontiguousarray(views.information),
+        np.ascontiguousarray(cov_map),
         *as_kernel_arrays(known),
         _bounds(),
         T,
