@@ -2,7 +2,8 @@
 
 `python -m fleet.running.rehearsal map|site FOLDER`: the service alone, by robots that play what
 they have seen; or all of a scenario. Side by side they take little more than half the time: each
-finds on the disk what the other has compiled.
+finds on the disk what the other has compiled. So they must not begin with the same: the map begins
+with the solver, which takes as long as all that the site does before it solves.
 """
 
 import gc
@@ -45,7 +46,9 @@ def rehearse_site(folder: Path) -> None:
     from fleet.simulation.scenario.reading import read_scenario
     from fleet.simulation.world.build import build_world
     from fleet.virtual.run import play
+    from tagmap.localisation.prepare import prepare
 
+    prepare(lambda: False)
     scenario = replace(read_scenario(SCENARIO), duration_s=PLAYED_S)
     play(build_world(scenario, scenario.seed, START_NS), folder)
 
