@@ -6,7 +6,7 @@ STAMP   = $(VENV)/.installed
 .PHONY: help demo test verify lint clean
 
 help:
-	@echo "make demo    three robots map a hall of 24 tags, two minutes"
+	@echo "make demo    three robots map a hall of 24 tags, three minutes"
 	@echo "make test    the test suite with seeded samples of the figures"
 	@echo "make verify  every figure of every benchmark in full"
 	@echo "make lint    ruff and mypy"
