@@ -89,33 +89,44 @@ class Evidence:
     def latest(self) -> MapVersion | None:
         return max(self.versions, key=lambda one: one.version, default=None)
 
-    def world_ns(self, robot: str, t_ns: int, session: str = "") -> int:
+    def world_ns(self, robot: str, t_ns: int, session: str = "", sent_ns: int | None = None) -> int:
         """When the clock of the robot said so. A clock that was set back says some things twice:
         then it is the last time before the session's keyframe was sent."""
         times = self.world.robots[robot].clock.all_world_ns(t_ns)
         if len(times) == 1:
             return times[0]
-        sent_ns = self.sent_ns.get((session, t_ns), times[-1])
+        if sent_ns is None:
+            sent_ns = self.sent_ns.get((session, t_ns), times[-1])
         return max((t for t in times if t <= sent_ns), default=times[0])
 
     @cached_property
     def sent_ns(self) -> dict[tuple[str, int], int]:
-        """When each keyframe was first put, by session and its own time."""
+        """When a keyframe was first put, by session and its own time."""
         first: dict[tuple[str, int], int] = {}
-        numbers = {(k.session, k.seq): k.t_ns for k in self.keyframes}
+        for keyframe in self.keyframes:
+            sent_ns = self._put_ns.get((keyframe.session, keyframe.seq))
+            if sent_ns is not None:
+                first.setdefault((keyframe.session, keyframe.t_ns), sent_ns)
+        return first
+
+    @cached_property
+    def _put_ns(self) -> dict[tuple[str, int], int]:
+        """When each keyframe was first put, by session and seq."""
+        first: dict[tuple[str, int], int] = {}
         for heard in self.heard:
             robot = self.keys.robot_of(heard.key)
             if robot is None or heard.key != self.keys.keyframes(robot):
                 continue
             address = address_of(heard.payload)
-            t_ns = None if address is None else numbers.get((address.session, address.seq))
-            if address is not None and t_ns is not None:
-                first.setdefault((address.session, t_ns), heard.t_ns)
+            if address is not None:
+                first.setdefault((address.session, address.seq), heard.t_ns)
         return first
 
     def when(self, keyframe: Keyframe) -> int:
-        """Its exposure, by the clock of the world."""
-        return self.world_ns(keyframe.robot, keyframe.t_ns, keyframe.session)
+        """Its exposure, by the clock of the world. Two of one session may state the same time, of
+        which one was put before the clock was set back."""
+        sent_ns = self._put_ns.get((keyframe.session, keyframe.seq))
+        return self.world_ns(keyframe.robot, keyframe.t_ns, keyframe.session, sent_ns)
 
     @cached_property
     def tracks(self) -> dict[str, TrueTrack]:
