@@ -22,7 +22,7 @@ from fleet.virtual.robot import gear_of
 from fleet.virtual.site import Kill
 from fleet.virtual.uplink import VirtualUplink
 from fleet.virtual.virtual_time import VirtualTime
-from fleet.virtual.volume import Remains
+from fleet.virtual.volume import CachedOutbox, Remains
 from robot_agent.agent import News, Report
 from robot_agent.assembly import Company, assemble, atlas_of, introduction_of
 from robot_agent.atlas.served import load
@@ -99,7 +99,7 @@ class Crew:
         began_ns, name = self._time.now_ns(), self._robot.name
         owner = f"{self._config.robot.site}/{name}"
         with ExitStack() as opened:
-            outbox = opened.enter_context(Outbox.open(self.outbox, owner))
+            outbox = opened.enter_context(CachedOutbox.open(self.outbox, owner))
             port = self._bus.port(name)
             port.at_death(remains.take)
             if kill is not None:
