@@ -59,7 +59,9 @@ def test_from_nothing_to_a_map_that_is_in_the_tags(tmp_path: Path):
     (folder,) = tmp_path.iterdir()
     assert Path(scores["db"]) == folder / "site.db"
     assert scores["keyframes_stored"] == scores["keyframes_sent"] > 200
-    assert scores["keyframes_lost"] == scores["ids_wrong"] == scores["records_torn"] == 0
+    assert scores["keyframes_lost"] == scores["ids_wrong"] == 0
+    # A write that light or radio did not last for leaves a torn slot, and the robot says so.
+    assert scores["records_torn"] <= len(_failed_writes(folder))
     assert scores["tags_mapped"] >= 16
     assert scores["tag_rmse_anchored_m"] < 0.03
     assert scores["records_right"] >= 6
@@ -67,3 +69,11 @@ def test_from_nothing_to_a_map_that_is_in_the_tags(tmp_path: Path):
     for picture in ("plan", "growth", "poses", "acks"):
         assert (folder / f"{picture}.png").read_bytes().startswith(b"\x89PNG")
     assert check(folder / "site.db") == []
+
+
+def _failed_writes(folder: Path) -> set[str]:
+    """Tags at which a job failed, by the agents' logs."""
+    lines = (line for log in folder.glob("agent-*.log") for line in log.read_text().splitlines())
+    events = [json.loads(line) for line in lines if line.startswith("{")]
+    jobs = [event for event in events if event.get("event") == "job"]
+    return {job["tag"] for job in jobs if job["outcome"] == "failed"}
