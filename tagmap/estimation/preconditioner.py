@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 from scipy.linalg import lapack
 from scipy.sparse.linalg import splu
 
@@ -237,14 +237,18 @@ def _bordered(solve: Precondition, between: Array, corner: Array) -> Preconditio
         return solve
     across = np.column_stack([solve(np.ascontiguousarray(column)) for column in between.T])
     left = corner - between.T @ across
-    try:
-        factor = linalg.cho_factor(0.5 * (left + left.T))
-    except linalg.LinAlgError:
+    # Called for every product: without the checks of scipy.linalg, which take longer than it does.
+    factor, failed = lapack.dpotrf(0.5 * (left + left.T), lower=1)
+    if failed:
         return None
+    back = np.ascontiguousarray(between.T)
 
     def bordered(r: Array) -> Array:
-        y = solve(r[:m])
-        c = linalg.cho_solve(factor, r[m:] - between.T @ y)
-        return np.concatenate([y - across @ c, c])
+        x = np.empty_like(r)
+        y, c = x[:m], x[m:]
+        y[:] = solve(r[:m])
+        c[:], _ = lapack.dpotrs(factor, r[m:] - back @ y, lower=1)
+        y -= across @ c
+        return x
 
     return bordered

@@ -16,7 +16,7 @@ from tagmap.estimation.restrict import restrict, without_calibration, without_su
 from tagmap.estimation.start import chain_of
 
 LEAST_SHARED = 3
-ROUGH = Options(max_iterations=50, tolerance=1e-4)
+ROUGH = Options(max_iterations=50, tolerance=1e-3, mu_step=10.0)
 
 
 def laid(problem: Problem, points: Points, chain: Index, T: Array, p: Array) -> Array:
