@@ -8,15 +8,15 @@ def test_nothing_new_nothing_to_solve():
     assert not cadence.is_due(1e9)
 
 
-def test_rests_three_times_as_long_as_it_solved():
+def test_solves_a_tenth_of_the_time():
     cadence = Cadence()
     cadence.changed()
     assert cadence.is_due(10.0)
     cadence.start(10.0)
     cadence.changed()
-    cadence.finish(14.0)
-    assert not cadence.is_due(25.9)
-    assert cadence.is_due(26.0)
+    cadence.finish(11.0)
+    assert not cadence.is_due(19.9)
+    assert cadence.is_due(20.0)
 
 
 def test_rests_no_longer_than_a_quarter_of_a_minute():
