@@ -216,10 +216,11 @@ class Agent:
 
     def _see(self, frame: Frame) -> Sky:
         """Spots of both images, matched; without the pairs that light has refuted here."""
-        views = [_view(detect(image, self._habits.optics)) for image in _images(frame.pair)]
-        false = self._standing.false_pairs(views[0].px, views[1].px)
+        left, right = (_view(detect(image, self._habits.optics)) for image in _images(frame.pair))
+        false = self._standing.false_pairs(left.px, right.px)
         camera = frame.camera
-        return Sky(self._rig, views[0], views[1], camera.T_base_cam, camera.cov, false)
+        turns = not camera.rests
+        return Sky(self._rig, left, right, camera.T_base_cam, camera.cov, turns, false)
 
     def _follow(self, sky: Sky) -> None:
         """Names of a moment ago."""

@@ -8,14 +8,16 @@ place look otherwise from elsewhere, so whoever compares places over motion or w
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
 from msgspec.structs import replace
 
 from robot_agent.activation.target import Target, targets_of
 from robot_agent.naming.named import Named
 from robot_agent.perception.matching import Matches, View, match
 from tagmap.conventions import Array
-from tagmap.geometry import se3
+from tagmap.geometry import se3, stereo
 from tagmap.geometry.stereo import StereoRig
+from tagmap.records.arrays import covariance, upper
 from tagmap.records.keyframe import Measurement, Sighting
 
 Pair = tuple[int, int]
@@ -26,7 +28,8 @@ UNEXPLAINED = 0.05
 
 @dataclass(slots=True)
 class Sky:
-    """Of views left and right with the camera at T_base_cam (4, 4); `false`: pairs that are none.
+    """Of views left and right with the camera at T_base_cam (4, 4), which turns meanwhile or not;
+    `false`: pairs that are none.
 
     targets  one for each chosen match, in the order of `p_cam` (N, 3)
     names    of targets, by pair
@@ -38,6 +41,7 @@ class Sky:
     right: View
     T_base_cam: Array
     cov_base_cam: Array | None = None
+    turns: bool = False
     false: set[Pair] = field(default_factory=set)
     names: dict[Pair, Named] = field(default_factory=dict)
     lit: dict[Pair, Sighting] = field(default_factory=dict)
@@ -85,14 +89,28 @@ class Sky:
 
     def sightings(self) -> tuple[Sighting, ...]:
         """Of all that has a name, each tag once. What the rig may be off the map is solved for; a
-        little is left of it that no offset, scale or turn explains.
+        little is left of it that no offset, scale or turn explains. A head at rest is where it says
+        it is; while it turns, what its angles may be off is added.
         """
-        found: dict[str, Sighting] = {sighting.tag: sighting for sighting in self.lit.values()}
+        found = {sighting.tag: (pair, sighting) for pair, sighting in self.lit.items()}
         for k, named in self.named():
-            if named.tag not in found:
-                found[named.tag] = named.sighting(self.targets[k].z)
+            target = self.targets[k]
+            found.setdefault(named.tag, (target.pair, named.sighting(target.z)))
         sigma_px = UNEXPLAINED * self.rig.sigma_px
-        return tuple(replace(one, z=cautious(one.z, sigma_px)) for one in found.values())
+        turned = self._turned() if self.turns else {}
+        return tuple(
+            replace(one, z=cautious(one.z, sigma_px, turned.get(pair)))
+            for pair, one in found.values()
+        )
+
+    def _turned(self) -> dict[Pair, Array]:
+        """Of each target what the head's angles may be off, in pixels: (4, 4)."""
+        if self.cov_base_cam is None or not len(self.p_cam):
+            return {}
+        _, J = stereo.project(self.rig, self.p_cam)
+        lever = J @ se3.act_jacobian(np.eye(4), self.p_cam)
+        cov = lever @ self.cov_base_cam @ lever.swapaxes(-1, -2)
+        return {target.pair: cov[k] for k, target in enumerate(self.targets)}
 
     def _match(self) -> None:
         found: Matches = match(self.rig, self.left, self.right, false_pairs=self.false)
@@ -101,10 +119,15 @@ class Sky:
         self.wide = found.chosen.wide
 
 
-def cautious(z: Measurement, sigma_px: float) -> Measurement:
-    """A measurement in pixels with what the rig may be off added to its covariance."""
+def cautious(z: Measurement, sigma_px: float, turned_px2: Array | None = None) -> Measurement:
+    """A measurement in pixels with what the rig may be off added to its covariance.
+
+    turned_px2 (4, 4): of all four pixels, what is to be added besides.
+    """
     n, cov = len(z.values), list(z.cov)
     for i in range(n):
         # Where row i of the upper triangle begins: on the diagonal.
         cov[i * n - i * (i - 1) // 2] += sigma_px**2
+    if turned_px2 is not None:
+        cov = list(upper(covariance(cov) + turned_px2[:n, :n]))
     return Measurement(stereo_px=z.stereo_px, mono_px=z.mono_px, cov=tuple(cov))

@@ -15,11 +15,12 @@ from tagmap.geometry.pan_tilt import PanTiltMount
 @dataclass(frozen=True, slots=True)
 class CameraPose:
     """T_base_cam (4, 4), and its covariance (6, 6) in cam axes as far as the angles are uncertain;
-    None of a camera that is fixed. angles: None likewise."""
+    None of a camera that is fixed. angles: None likewise. rests: it did not turn meanwhile."""
 
     T_base_cam: Array
     cov: Array | None
     angles: Angles | None
+    rests: bool = True
 
 
 class Angling(Protocol):
@@ -62,4 +63,5 @@ class Turning(Mounting):
             pan_tilt.camera_pose(self.mount, angles_rad),
             pan_tilt.covariance(self.mount, angles_rad, sigma_rad),
             pointing.angles,
+            pointing.rests,
         )

@@ -15,11 +15,15 @@ LONGEST_GAP_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Pointing:
-    """Angles with the standard deviations of their errors, taken as independent."""
+    """Angles with the standard deviations of their errors, taken as independent.
+
+    rests: neither axis turned, as far as readings tell.
+    """
 
     angles: Angles
     sigma_pan_rad: float
     sigma_tilt_rad: float
+    rests: bool
 
 
 @dataclass(slots=True)
@@ -46,7 +50,8 @@ class PointingTrack:
         pan, tilt = interpolate(self._pan, t_ns), interpolate(self._tilt, t_ns)
         if pan is None or tilt is None:
             return None
-        return Pointing(Angles(pan[0], tilt[0]), pan[1], tilt[1])
+        rests = _rests(self._pan, t_ns) and _rests(self._tilt, t_ns)
+        return Pointing(Angles(pan[0], tilt[0]), pan[1], tilt[1], rests)
 
 
 def interpolate(samples: Sequence[AxisSample], t_ns: int) -> tuple[float, float] | None:
@@ -73,6 +78,13 @@ def interpolate(samples: Sequence[AxisSample], t_ns: int) -> tuple[float, float]
     uneven = gap_s * _change(before, speed, after) / 4.0 / 3.0**0.5
     angle_rad = a.angle_rad + s * (b.angle_rad - a.angle_rad)
     return angle_rad, (step**2 + timing**2 + uneven**2) ** 0.5
+
+
+def _rests(samples: Sequence[AxisSample], t_ns: int) -> bool:
+    """The two readings before `t_ns` and the two after it are alike, as far as there are two."""
+    k = bisect_right(samples, t_ns, key=lambda sample: sample.t_ns)
+    near = [samples[i].angle_rad for i in range(max(k - 2, 0), min(k + 2, len(samples)))]
+    return len(set(near)) == 1
 
 
 def _speed(a: AxisSample, b: AxisSample) -> float:

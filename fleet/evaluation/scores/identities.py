@@ -9,10 +9,11 @@ from fleet.simulation.world.robot import WorldRobot
 from tagmap.conventions import Array
 from tagmap.geometry import se3, stereo
 from tagmap.records import Keyframe, Sighting
-from tagmap.records.arrays import matrix
+from tagmap.records.arrays import covariance, matrix
 
-FITS_PX = 4.0
-"""A spot is the tag's that is so near to where the tag truly is in the image."""
+FITS_PX, FITS_SIGMAS = 4.0, 4.0
+"""A spot is the tag's that is so near to where the tag truly is in the image, or as near as its
+robot says it knows: while a head turns it says that it knows less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,5 +71,7 @@ def _is_there(robot: WorldRobot, T_cam_map: Array, places: Array, sighting: Sigh
         return False
     px, _ = stereo.project(robot.hidden.rig, se3.act(T_cam_map, places))
     z = np.array(sighting.z.values)
-    off_px = np.abs(px[:, : len(z)] - z).max(axis=-1)
-    return bool((off_px <= FITS_PX).any())
+    off_px = np.abs(px[:, : len(z)] - z)
+    sigma_px = np.sqrt(np.diag(covariance(sighting.z.cov)))
+    fits = off_px <= np.maximum(FITS_PX, FITS_SIGMAS * sigma_px)
+    return bool(fits.all(axis=-1).any())

@@ -53,6 +53,14 @@ def test_both_axes_are_needed_and_a_clock_set_back_begins_anew():
     assert track.at(20 * MS) is None
 
 
+def test_it_rests_where_the_readings_around_are_alike():
+    track = PointingTrack()
+    for k, tilt in enumerate((0.0, 0.1, 0.2, 0.2, 0.2, 0.2, 0.2)):
+        track.add(Reading(sample(30 * k, 0.5), sample(30 * k, tilt)))
+    rests = [found.rests for k in range(6) if (found := track.at((30 * k + 15) * MS)) is not None]
+    assert rests == [False, False, False, True, True, True]
+
+
 def test_errors_are_as_large_as_stated_on_a_real_course():
     """Axis moves to and fro, polled unevenly and with unknown delay, asked at random times."""
     rng = np.random.default_rng(0)
