@@ -81,7 +81,7 @@ def refine(
     """
     chi2 = log_density = 0.0
     for _ in range(_STEPS):
-        chi2, log_density = _linearise(sky, chart, tag, likeness, desk)
+        chi2, log_density = linearise(sky, chart, tag, likeness, desk)
         if not normal.factor(desk.H, 0.0, desk.L):
             return False, np.inf, -np.inf
         normal.solve(desk.L, desk.g, desk.x)
@@ -103,7 +103,7 @@ def refine(
 
 
 @compiled
-def _linearise(
+def linearise(
     sky: Sky, chart: Chart, tag: Index, likeness: float, desk: Desk
 ) -> tuple[float, float]:
     """chi2 at desk.T, H and g = -J' W r; sum of the logarithms of the Gaussians' heights."""
