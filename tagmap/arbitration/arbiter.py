@@ -1,9 +1,10 @@
-"""The service's side: a queue in order of asking, and leases to those who are not in the way.
+"""The service's side: a queue, and leases to those who are not in the way.
 
-A robot is granted a lease when it interferes with nobody who holds one and with nobody who has
-waited longer. So nobody is overtaken by those he waits for, and robots far apart shoot at once. Who
-does not ask again loses the place, who does not give back loses the lease when its time is over:
-nothing waits for a robot that is gone.
+A robot is granted a lease when it interferes with nobody who holds one and with nobody who asks,
+too, and had its last lease longer ago; of those who never had one the first to ask is first. So
+robots that stop for a moment only get their turn among others that wait all the time, and robots
+far apart shoot at once. Who does not ask again does not count, who does not give back loses the
+lease when its time is over: nothing waits for a robot that is gone.
 """
 
 from dataclasses import dataclass, field
@@ -35,8 +36,12 @@ class _Held:
 
 @dataclass(slots=True)
 class _Waiting:
+    """since: whether and when it had a lease, else when it asked first; and its place among all
+    who ever came."""
+
     station: Station
     asked_ns: int
+    since: tuple[bool, int, int]
 
 
 @dataclass(slots=True)
@@ -51,6 +56,8 @@ class Arbiter:
     grants: Grants
     held: dict[str, _Held] = field(default_factory=dict)
     queue: dict[str, _Waiting] = field(default_factory=dict)
+    served_ns: dict[str, int] = field(default_factory=dict)
+    came: int = 0
 
     @classmethod
     def start(cls, rules: Rules, now_ns: int, utc_ns: int) -> "Arbiter":
@@ -63,7 +70,8 @@ class Arbiter:
         self._forget(now_ns)
         if robot in self.held:
             return self._tell_again(robot, station, now_ns, utc_ns)
-        self.queue[robot] = waiting = self.queue.get(robot) or _Waiting(station, now_ns)
+        waiting = self.queue.get(robot) or self._new(robot, station, now_ns)
+        self.queue[robot] = waiting
         waiting.station, waiting.asked_ns = station, now_ns
         if now_ns < self.silent_until_ns:
             return self._later(self.silent_until_ns - now_ns)
@@ -72,7 +80,13 @@ class Arbiter:
         del self.queue[robot]
         valid_s = min(wanted_s, self.rules.max_lease_s)
         until_ns = now_ns + round(self.rules.withheld_s(valid_s) * SECOND_NS)
+        self.served_ns[robot] = now_ns
         return self._tell(robot, valid_s, _Held(0, until_ns, [station]), utc_ns)
+
+    def _new(self, robot: str, station: Station, now_ns: int) -> _Waiting:
+        self.came += 1
+        since_ns = self.served_ns.get(robot, now_ns)
+        return _Waiting(station, now_ns, (robot in self.served_ns, since_ns, self.came))
 
     def give_back(self, robot: str, lease: int, now_ns: int, utc_ns: int) -> None:
         """Its laser is off. Of any other lease than the one the robot holds this says nothing."""
@@ -104,12 +118,11 @@ class Arbiter:
     def _is_in_the_way(self, robot: str, station: Station) -> bool:
         if self._interferes_with_holders(robot, station):
             return True
-        for other, waiting in self.queue.items():
-            if other == robot:
-                break
-            if interfere(station, waiting.station, self.rules):
-                return True
-        return False
+        mine = self.queue[robot]
+        return any(
+            waiting.since < mine.since and interfere(station, waiting.station, self.rules)
+            for waiting in self.queue.values()
+        )
 
     def _interferes_with_holders(self, robot: str, station: Station) -> bool:
         return any(

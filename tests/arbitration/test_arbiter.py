@@ -206,3 +206,18 @@ def test_numbers_grow_though_the_time_of_day_may_not(monkeypatch):
     assert len(grants.known) == 3
     assert grants.objection("r2", leases[0], UTC) is None
     assert grants.objection("r2", leases[-1], UTC) is not None
+
+
+def test_who_had_no_lease_for_longest_is_next():
+    """r3 has never had one, and asks last: robots that stop for a moment only get their turn."""
+    clock = Clock()
+    for robot in ("r1", "r2"):
+        clock.give_back(robot, clock.ask(robot).lease)
+        clock.wait(1.0)
+    held = clock.ask("r1")
+    assert clock.ask("r2").lease is None
+    assert clock.ask("r3").lease is None
+    clock.give_back("r1", held.lease)
+    assert clock.ask("r2").lease is None
+    clock.give_back("r3", clock.ask("r3").lease)
+    assert clock.ask("r2").lease is not None
