@@ -36,45 +36,20 @@ def laid(problem: Problem, points: Points, chain: Index, T: Array, p: Array) -> 
 def localised(problem: Problem, T: Array, new: Mask, p: Array, calibration: Array) -> Array:
     """Poses T (N, D, D) with the `new` (N,) ones where the map has them, which is held meanwhile.
 
-    They begin by odometry or as a whole chain; the map must not be bent to meet that. Known poses
-    before them that see too little are moved along: what odometry was wrong by on a way without
-    tags is spread over it, not met by one step that nobody would believe.
+    They begin by odometry or as a whole chain; the map must not be bent to meet that.
     """
-    placed, blind = np.isfinite(T[:, 0, 0]), _blind(problem, p)
-    free = _back_to_tags(problem, new, blind)
-    chosen = free.copy()
-    chosen[problem.odometry.first] |= free[problem.odometry.first + 1]
-    chosen &= placed
+    chosen = new.copy()
+    chosen[:-1] |= new[1:]
+    chosen &= np.isfinite(T[:, 0, 0])
     poses, tags = np.flatnonzero(chosen), np.flatnonzero(np.isfinite(p[:, 0]))
     part = restrict(problem, poses, tags)
     d, m = p.shape[1], len(tags)
     held = Surveyed(np.arange(m), p[tags], np.tile(np.eye(d) / LEAST_SIGMA_M, (m, 1, 1)))
     part = replace(part, surveyed=held)
     optimum = optimise(part, State(T[poses], p[tags], calibration), ROUGH)
-    T, own = T.copy(), free[poses]
+    T, own = T.copy(), new[poses]
     T[poses[own]] = optimum.state.T[own]
     return T
-
-
-def _blind(problem: Problem, p: Array) -> Mask:
-    """Poses (N,) that see fewer tags of the map than a pose needs."""
-    seen = np.zeros(problem.n_poses, dtype=np.int64)
-    for block in problem.sightings:
-        known = np.isfinite(p[block.tag, 0])
-        seen += np.bincount(block.pose[known], minlength=problem.n_poses)
-    blind: Mask = seen < LEAST_SHARED
-    return blind
-
-
-def _back_to_tags(problem: Problem, new: Mask, blind: Mask) -> Mask:
-    """The new poses (N,), and the blind ones that lead to them."""
-    free, follows = new.copy(), np.zeros_like(new)
-    follows[problem.odometry.first + 1] = True
-    for i in np.flatnonzero(new & follows).tolist():
-        while follows[i] and not free[i - 1] and blind[i - 1]:
-            i -= 1
-            free[i] = True
-    return free
 
 
 def new_tags(points: Points, T: Array, placed: Mask, p: Array) -> Array:
