@@ -197,7 +197,9 @@ def test_victoria_park_from_nothing(recorded_data):
 
 
 @pytest.mark.data
-@pytest.mark.parametrize(("seed", "share"), [(0, 0.0), (5, 0.1), (11, 0.3)])
+@pytest.mark.parametrize(
+    ("seed", "share"), [(0, 0.0), (5, 0.1), pytest.param(11, 0.3, marks=pytest.mark.slow)]
+)
 def test_victoria_park_from_nothing_among_wrong_names(recorded_data, seed, share):
     """As good as from the optimum of the right names."""
     posed = problem_of(read_graph(recorded_data / "victoria_park" / "gtsam_victoria_park.txt.xz"))

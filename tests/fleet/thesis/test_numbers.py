@@ -13,6 +13,9 @@ from fleet.thesis.motion_platform import (
 )
 from fleet.thesis.ranging import figure_3_12
 
+# One campaign takes as long as fifty other tests.
+pytestmark = pytest.mark.slow
+
 CURVES = [("figure_4_5", 0), ("figure_4_5", 1), ("figure_4_6", 1), ("figure_4_7", 0)]
 CURVES += [("figure_4_8", 1), ("figure_4_9", 0), ("figure_4_9", 2)]
 
