@@ -13,6 +13,8 @@ from tagmap.arbitration.grants import Grants
 from tagmap.arbitration.rules import SECOND_NS, Rules, Station, interfere
 
 MOST_STATIONS = 16
+SERVED_S = 3600.0
+"""So long it is remembered who had a lease: then a robot is as one that never had any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,9 @@ class Arbiter:
         """Leases that are over, and places that nobody asks for any more."""
         for robot in [robot for robot, held in self.held.items() if now_ns >= held.until_ns]:
             del self.held[robot]
+        served_ns = now_ns - round(SERVED_S * SECOND_NS)
+        for robot in [robot for robot, t_ns in self.served_ns.items() if t_ns < served_ns]:
+            del self.served_ns[robot]
         oldest_ns = now_ns - round(self.rules.patience_s * SECOND_NS)
         for robot in [r for r, waiting in self.queue.items() if waiting.asked_ns < oldest_ns]:
             del self.queue[robot]

@@ -221,3 +221,12 @@ def test_who_had_no_lease_for_longest_is_next():
     assert clock.ask("r2").lease is None
     clock.give_back("r3", clock.ask("r3").lease)
     assert clock.ask("r2").lease is not None
+
+
+def test_who_had_a_lease_is_not_remembered_for_ever():
+    clock = Clock()
+    clock.give_back("r1", clock.ask("r1").lease)
+    assert set(clock.arbiter.served_ns) == {"r1"}
+    clock.wait(3601.0)
+    clock.give_back("r2", clock.ask("r2").lease)
+    assert set(clock.arbiter.served_ns) == {"r2"}
