@@ -64,7 +64,7 @@ class VirtualTime:
         if bell is not None:
             bell._hasten = lambda earlier_ns: self._hasten(mine, earlier_ns)
         if self._next() is mine:
-            self._now_ns, _, _ = heapq.heappop(self._waiting)
+            self._take_turn()
         else:
             stage.switch()
         if bell is not None:
@@ -81,7 +81,7 @@ class VirtualTime:
         for live in lives:
             self._queue(self._now_ns, _Life(partial(self._live, live)))
         while (life := self._next()) is not None:
-            self._now_ns, _, _ = heapq.heappop(self._waiting)
+            self._take_turn()
             self._acts = life
             life.course.switch()
         self._acts = self._stage = None
@@ -111,3 +111,7 @@ class VirtualTime:
         while self._waiting and self._waiting[0][1] != self._waiting[0][2].entry:
             heapq.heappop(self._waiting)
         return self._waiting[0][2] if self._waiting else None
+
+    def _take_turn(self) -> None:
+        """Of whoever is next: it is his time now."""
+        self._now_ns, _, _ = heapq.heappop(self._waiting)
