@@ -31,23 +31,25 @@ class DarkRoom:
 
     def __init__(self, frames: Mapping[str, Frames], line: Connection) -> None:
         self._frames, self._line = frames, line
-        self._done: dict[str, int] = {}
+        self._begun = self._done = 0
 
     def of(self, robot: WorldRobot) -> Expose | None:
         """None: what its cameras see is not known before they do."""
         return partial(self._begin, robot.name) if robot.name in self._frames else None
 
     def _begin(self, name: str, t_ns: int) -> Callable[[], Images]:
-        self._done.pop(name, None)
+        self._begun += 1
         with _heard():
             self._line.send((name, t_ns))
-        return partial(self._images, name, t_ns)
+        return partial(self._images, name, self._begun)
 
-    def _images(self, name: str, t_ns: int) -> Images:
-        while self._done.get(name) != t_ns:
+    def _images(self, name: str, number: int) -> Images:
+        """They are made in the order of asking: one that nobody wants any more may be of the same
+        time, and is then still being written."""
+        while self._done < number:
             with _heard():
-                done, at_ns = self._line.recv()
-            self._done[done] = at_ns
+                self._line.recv()
+            self._done += 1
         return self._frames[name]
 
 
@@ -106,4 +108,4 @@ def _work(
         while True:
             name, t_ns = line.recv()
             world.robots[name].images(t_ns, onto=frames[name])
-            line.send((name, t_ns))
+            line.send(None)
